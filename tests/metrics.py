@@ -206,7 +206,7 @@ def ranks_hypothetical(tree: ast.Module) -> bool:
     """
     names = {ast.unparse(node).split(".")[-1] for node in ast.walk(tree) if isinstance(node, (ast.Name, ast.Attribute))}
     calls = {_function(node) for node in ast.walk(tree) if isinstance(node, ast.Call)}
-    return "Candidate" in names and bool(calls & {"fit", "refit", "jacobian"})
+    return "Candidate" in names and bool(calls & {"fit", "fit_one", "refit", "jacobian"})
 
 
 def fits_of_a_mode(tree: ast.Module) -> list[str]:

@@ -132,10 +132,11 @@ def test_mistakes_in_candidates(tmp_path, old, new, output):
     assert output in str(caught.value)
 
 
-def test_no_candidates_and_no_frf(tmp_path):
+def test_menu_without_candidates_and_no_frf(tmp_path):
     read = load(tmp_path, TEXT)
-    with pytest.raises(CampaignError, match="no candidates to rank; write a table"):
-        read.next_measurement()
+    found = read.next_measurement()
+    assert "at a longer overhang" in [one.label for one in found.ranking]
+    assert any("[candidates.NAME]" in note for note in found.notes)
     with pytest.raises(CampaignError, match="no point joint with unknown stiffnesses was measured with an FRF"):
         read.invert()
 

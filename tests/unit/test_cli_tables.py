@@ -30,13 +30,13 @@ COMMANDS = {
     "catalogue": (),
 }
 NO_ANSWER = {
-    "bt50": ("invert", "next", "stability", "catalogue"),
-    "er32": ("invert", "next", "stability", "catalogue"),
-    "forgotten-sensor": ("next", "stability", "catalogue"),
+    "bt50": ("invert", "stability", "catalogue"),
+    "er32": ("invert", "stability", "catalogue"),
+    "forgotten-sensor": ("stability", "catalogue"),
     "free-free": ("stability", "catalogue"),
-    "hammer": ("next", "stability", "catalogue"),
-    "machine": ("invert", "next"),
-    "taper": ("invert", "next", "stability", "catalogue"),
+    "hammer": ("stability", "catalogue"),
+    "machine": ("invert",),
+    "taper": ("invert", "stability", "catalogue"),
 }
 """Examples without the tables of a command, which then reports that there is nothing to do."""
 WITHOUT_FIGURE = {("bt50", "sweep"), ("er32", "sweep"), ("taper", "sweep")}

@@ -4,29 +4,20 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
 
 from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, PointMass, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, Step, diagnose
-from receptance.diagnosis.advice import (
-    MENU,
-    Hypothesis,
-    MenuItem,
-    advise,
-    assembly_again,
-    at_the_nose,
-    other_overhang,
-    part_alone,
-)
+from receptance.diagnosis.advice import MENU, Hypothesis, MenuItem, advise
 from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import evaluate, refit
 from receptance.diagnosis.judgement import Judgement
 from receptance.fit import Tolerance
 from receptance.fit.observation import altered
+from receptance.predict import Menu
 
 LINES = np.linspace(200.0, 6000.0, 300)
 TRUE = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
@@ -85,12 +76,12 @@ def hypothesis(selection: Selection, name: str) -> Hypothesis:
     return Hypothesis(of(selection, name), selection.base.model)
 
 
-@pytest.mark.parametrize("describe", [at_the_nose, other_overhang])
+@pytest.mark.parametrize("describe", [Menu.at_the_nose, Menu.longer_overhang])
 def test_expected_gain_equals_that_of_refits(selection: Selection, describe: object) -> None:
     """Growth of chi-square of the wrong explanation with noise, against the expectation without noise."""
     truth, other = of(selection, "sensor_mass"), of(selection, "fluted_part")
     model = selection.base.model
-    requested = describe(model, ()).candidate.observation  # type: ignore[operator]
+    requested = describe(Menu(model.observations, model.unknowns, model.tolerances)).observation  # type: ignore[operator]
     hypotheses = (hypothesis(selection, "sensor_mass"), hypothesis(selection, "fluted_part"))
     expected = MenuItem("", 1.0, describe=describe).discriminate(*hypotheses)  # type: ignore[arg-type]
     # The sensor is at the response, with the fitted mass.
@@ -123,7 +114,7 @@ def test_expected_gain_equals_that_of_refits(selection: Selection, describe: obj
 
 def test_explanation_is_not_refuted_by_its_data(selection: Selection) -> None:
     for one in (Hypothesis(single, selection.base.model) for single in selection.singles):
-        for describe in (at_the_nose, other_overhang, partial(part_alone, "tool"), partial(part_alone, "holder")):
+        for describe in (Menu.at_the_nose, Menu.longer_overhang, Menu.tool_alone, Menu.holder_alone):
             assert MenuItem("", 1.0, describe=describe).discriminate(one, one) < 0.01
 
 
@@ -135,7 +126,7 @@ def test_weights_and_marked_places(selection: Selection) -> None:
     # In the other direction the fitted mass is uncertain itself.
     assert 50.0 < weighed.discriminate(offset, sensor) < weighed.discriminate(sensor, offset)
     assert weighed.discriminate(offset, flutes) == 0.0
-    marked = MenuItem("", 1.0, describe=assembly_again, without=frozenset({"hammer_offset"}))
+    marked = MenuItem("", 1.0, describe=Menu.again, without=frozenset({"hammer_offset"}))
     assert marked.discriminate(sensor, offset) > 30.0
     assert marked.discriminate(sensor, flutes) == 0.0
 

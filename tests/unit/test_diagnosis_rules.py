@@ -10,6 +10,7 @@ import pytest
 from blank_in_holder import TOLERANCES, observe
 from receptance import (
     CARBIDE,
+    FRF,
     STEEL,
     Assembly,
     GroundSpring,
@@ -28,6 +29,7 @@ from receptance.diagnosis.fitting import fit_base
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.line_selection import select_lines
 from receptance.diagnosis.thresholds import MARGIN
+from receptance.errors import ReceptanceWarning
 from receptance.fit import Law, Move, Tolerance
 from receptance.fit.observation import altered
 
@@ -76,6 +78,20 @@ def test_lines_with_non_normal_logarithm_are_excluded_with_a_note() -> None:
     assert verdict.verdict == "adequate"
     assert any("30 of 600 lines are not used" in note for note in verdict.notes)
     assert all(one.frequency_hz.size == 190 for one in verdict.selection.base.model.observations)
+
+
+def test_unused_coherence_is_named() -> None:
+    assembly = make_assembly(OVERHANGS[0])
+    lines = np.linspace(200.0, 4000.0, 100)
+    frf = FRF(frequency_hz=lines, values=assembly.receptance(lines), coherence=np.full(100, 0.99), label="tip")
+    with pytest.warns(ReceptanceWarning, match="the coherence is not used"):
+        observation = Observation.from_frf(assembly, frf)
+    for data in (observation, altered(observation, notes=("a note",))):
+        with pytest.raises(ValueError, match=r"no standard deviation, .* the number of averaged records is unknown"):
+            diagnose(data, JOINT)
+    bare = Observation(assembly=assembly, frequency_hz=lines, receptance=assembly.receptance(lines))
+    with pytest.raises(ValueError, match=r"no standard deviation, .* give `standard_deviation` or `floor`"):
+        diagnose(bare, JOINT)
 
 
 def test_record_without_coherence_is_excluded_with_its_unknowns() -> None:

@@ -11,7 +11,7 @@ import pytest
 from receptance import STEEL, Assembly, Coordinate, Observation, Part, Segment, identify
 from receptance.fit import Floor, Law, Power, Tolerance, Unknown, profile_likelihoods
 from receptance.fit.observation import altered
-from receptance.predict import Candidate, next_measurement
+from receptance.predict import Candidate, Menu, next_measurement
 from tool_in_holder import LINES, STIFFNESSES, make_assembly
 from tool_in_holder import simulate_modes as modes_of
 from tool_in_machine import clamped, make_machine, measure, tolerances, unknowns
@@ -296,7 +296,57 @@ def test_the_cost_decides(in_the_machine):
     )
     found = next_measurement(in_the_machine[1], [dear, options["nose"]], targets=STIFF)
     assert found.best.label == "nose"
-    assert "for the cost" in " ".join(found.notes)
+    assert "for the square root of the cost" in " ".join(found.notes)
+
+
+def test_menu_is_made_from_what_was_measured(rng):
+    """Own errors of a clamping are those of a repetition, and new ones at another overhang."""
+    forces = (10.0, 20.0)
+    data = tuple(
+        altered(measure(make_machine(), IN_BAND, 0.02, rng, "machine"), label=f"{x} N", conditions={"force": x})
+        for x in forces
+    )
+    menu = Menu(data, tuple(unknowns()), tuple(tolerances()))
+    again, nose, longer, harder, tool, holder = (candidate.observation for candidate in menu.candidates())
+    assert np.array_equal(again.frequency_hz, IN_BAND)
+    assert again.standard_deviation == pytest.approx(np.hypot(0.02, 0.003))
+    assert (nose.response, nose.excitation) == (NOSE, NOSE)
+    address = "tool.segment[0].length"
+    assert longer.assembly.get(address) == pytest.approx(1.3 * make_machine().get(address))
+    assert harder.conditions == {"force": 60.0}
+    assert (list(tool.assembly.elements), list(holder.assembly.elements)) == (["tool"], ["holder"])
+    assert tool.modes == holder.modes == (1,)
+    names = [{error.name for error in candidate.tolerances} for candidate in menu.candidates()]
+    assert "overhang machine" in names[0]
+    assert names[2] - names[0] == {"overhang machine, at a longer overhang"}
+    stepped = altered(data[0], conditions={}, force=np.full(IN_BAND.size, 5.0))
+    harder = Menu((stepped,), tuple(unknowns()), ()).higher_force()
+    assert harder is not None
+    assert harder.observation.force == pytest.approx(15.0)
+    frequencies = Menu((modes_of(make_assembly(), 4e3, standard_deviation_hz=5.0),), tuple(STIFFNESSES), ())
+    labels = [candidate.label.split(",")[0] for candidate in frequencies.candidates()]
+    assert labels == ["observation 0 again", "at a longer overhang", "tool alone", "holder alone"]
+
+
+def test_menu_is_ranked_without_candidates(in_the_machine):
+    found = next_measurement(in_the_machine[1], targets=STIFF)
+    labels = {one.label for one in found.ranking}
+    assert {"machine again", "at the nose of holder", "at a longer overhang"} <= labels
+    scores = [one.score for one in found.ranking]
+    assert scores == sorted(scores, reverse=True)
+    assert all(one.score == pytest.approx(-np.log(one.shrink) / np.sqrt(one.candidate.cost)) for one in found.ranking)
+    assert any("those of the menu" in note for note in found.notes)
+
+
+def test_menu_names_what_is_not_ranked(rng):
+    """Without tolerances the parts alone show no unknown; without standard deviations the scatter is the noise."""
+    data = measure(make_assembly(), LINES, 0.01, rng, "tip")
+    bare = Observation(assembly=make_assembly(), frequency_hz=LINES, receptance=data.receptance, label="tip")
+    found = next_measurement(identify(bare, STIFFNESSES, starts=1))
+    assert "tip again" in [one.label for one in found.ranking]
+    assert any(note.startswith('"tool alone, free-free" is not ranked: ') for note in found.notes)
+    again = next(one for one in found.ranking if one.label == "tip again").candidate.observation
+    assert again.standard_deviation == pytest.approx(0.01, rel=0.1)
 
 
 def test_floor_limits_the_gain(in_the_machine):

@@ -33,8 +33,8 @@ class CampaignCheck(Result):
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = examples.write("er32", folder)
     ...     check = campaign.CampaignCheck(campaign.load(folder))
-    >>> check.missing["next"]
-    'no candidates, expected [candidates.NAME]'
+    >>> check.missing["stability"]
+    'no cuts, expected [cuts.NAME]'
     """
 
     heading: ClassVar[str] = "Check"
@@ -80,7 +80,7 @@ class CampaignCheck(Result):
             or _refusal(lambda: transfer_errors(one)),
             "diagnose": fit or lacks,
             "invert": fit or _refusal(lambda: joints_to_invert(one)),
-            "next": identify or ("" if one.candidates else "no candidates, expected [candidates.NAME]"),
+            "next": identify,
             "stability": (speeds or (identify if predicted and one.unknowns else ""))
             if one.cuts
             else "no cuts, expected [cuts.NAME]",

@@ -1,4 +1,4 @@
-"""The next measurement of a campaign: its candidates, ranked for unknowns or assemblies."""
+"""The next measurement of a campaign: its candidates or those of the menu, ranked for unknowns or assemblies."""
 
 from __future__ import annotations
 
@@ -11,36 +11,27 @@ from receptance.campaign.identification import identify_campaign
 from receptance.campaign.problems import CampaignError, errors_about
 from receptance.fit import Identification, Observation
 from receptance.predict import Candidate, NextMeasurement, next_measurement
-from receptance.predict.ranking import Target
-
-_NO_CANDIDATES = """no candidates to rank; write a table for each measurement that you could take, such as
-  [candidates."another overhang"]
-  kind = "frf"
-  assembly = "long"
-  step = "4 Hz"
-  upper = "6 kHz"
-  standard_deviation = "1 %"
-where the assembly is one of this file, measured or not"""
+from receptance.predict.gain import Target
 
 
 def next_measurement_of(
     campaign: CampaignData, identified: Identification | None, targets: Sequence[str]
 ) -> NextMeasurement:
-    """Rank the candidates of a campaign; see `Campaign.next_measurement`."""
-    if not campaign.candidates:
-        raise CampaignError.about(campaign.file, _NO_CANDIDATES)
+    """Rank the candidates of a campaign, or those of the menu; see `Campaign.next_measurement`."""
     fit = identified or identify_campaign(campaign)
     chosen = [_target(name, campaign, fit) for name in targets]
     with errors_about(campaign.file):
         found = next_measurement(
             fit,
-            list(campaign.candidates.values()),
+            list(campaign.candidates.values()) or None,
             targets=chosen or None,
             level=campaign.table.prediction.level,
             profiles=fit.profiled or {},
             progress=campaign.progress,
         )
-    return replace(found, provenance=campaign.provenance(seed=fit.seed))
+    stated = "" if campaign.candidates else "other lines, places, assemblies and costs are stated as [candidates.NAME]"
+    notes = (*found.notes, *filter(None, [stated]))
+    return replace(found, notes=notes, provenance=campaign.provenance(seed=fit.seed))
 
 
 def _target(name: str, campaign: CampaignData, fit: Identification) -> Target:

@@ -119,6 +119,8 @@ class Campaign(CampaignData):
     ) -> receptance.predict.NextMeasurement:
         """Rank the candidates by the expected uncertainty of unknowns or predictions after each of them.
 
+        Without candidates those of `receptance.predict.Menu` are ranked, which can be made on what was measured.
+
         Parameters
         ----------
         identified : Identification, optional
@@ -129,7 +131,7 @@ class Campaign(CampaignData):
         Raises
         ------
         CampaignError
-            There are no candidates, a target does not exist, or as in `identify`.
+            A target does not exist, no candidate of the menu can be simulated, or as in `identify`.
         """
         return campaign.next_measurement.next_measurement_of(self, identified, targets)
 

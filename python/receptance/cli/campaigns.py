@@ -225,7 +225,7 @@ def next_measurement(
     ] = None,
     seed: NewSeed = None,
 ) -> None:
-    """Rank candidate measurements by their expected benefit."""
+    """Rank candidate measurements, of the campaign or of a menu, by their expected benefit."""
     _, result = run_on_campaign(file, targets, lambda read: read.next_measurement(targets=target or ()), seed)
     targets.show(result)
     targets.require(not result.rejection)

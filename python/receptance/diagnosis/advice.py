@@ -1,9 +1,7 @@
 """Advice: the next measurement, from a menu with costs, that separates the remaining explanations best.
 
-If one explanation is true, another one is fitted to the simulated data together with the existing ones, on few lines.
-The increase of its chi-square is the evidence that the measurement would remove (model discrimination, Hunter and
-Reiner 1965, Designs for discriminating between two rival models). The simulated data are noise-free, and noise is in
-their weights: the increase is an expectation.
+If one explanation is true, another one is fitted to its simulated data of the measurement together with the data of the
+diagnosis. The increase of its chi-square is the evidence that the measurement would remove (`predict.gain`).
 """
 
 from __future__ import annotations
@@ -12,59 +10,27 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance.diagnosis.causes import Step, transfer
+from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.findings import ProposedMeasurement
-from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.held_out import predictor_of
-from receptance.diagnosis.joint_causes import overhang_of
 from receptance.diagnosis.judgement import Judgement
 from receptance.diagnosis.line_selection import thin
 from receptance.diagnosis.model import Model, named, with_points
-from receptance.diagnosis.thresholds import (
-    HARDER,
-    HIGHEST_ALONE,
-    LONGER,
-    MARGIN,
-    MODES_ALONE,
-    QUANTITY_SHOWN,
-    RESOLUTION_ALONE,
-    SIMULATION_LINES,
-)
+from receptance.diagnosis.thresholds import MARGIN, QUANTITY_SHOWN, SIMULATION_LINES
 from receptance.errors import ReceptanceError
-from receptance.fit.observation import Observation
-from receptance.fit.parameters import Site
-from receptance.fit.problem import InfeasibleError
-from receptance.fit.unknowns import Tolerance
-from receptance.fit.weights import Floor
+from receptance.fit.observation import Observation, altered
+from receptance.fit.predictor import Predictor
+from receptance.fit.problem import End
 from receptance.model.assembly import Assembly
-from receptance.model.coordinates import Coordinate
-from receptance.predict.candidate import Candidate
-
-_NEW = "measured next"
-"""Label and configuration of the simulated measurement."""
-
-
-class Hypothetical(NamedTuple):
-    """A hypothetical measurement in the view of an explanation."""
-
-    candidate: Candidate
-    """The measurement."""
-    steps: tuple[Step, ...]
-    """Causes that act on it and are not part of its assembly."""
-
-    def extend(self, base: Model, data: NDArray[Any] | None = None) -> Model:
-        """Return it with its causes as the only observation of a model, on few lines where it has data."""
-        observation = self.candidate.observation
-        observation = observation.with_values(np.ones(observation.frequency_hz.size) if data is None else data)
-        model = replace(base, observations=(observation,), tolerances=self.candidate.tolerances)
-        return transfer(model if data is None else thin(model, SIMULATION_LINES), self.steps)
+from receptance.predict.gain import fit_jointly, worth
+from receptance.predict.menu import Candidate, Menu
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,50 +41,83 @@ class Hypothesis:
     base: Model
 
     @cached_property
-    def fit(self) -> Fit:
-        """The fit on few lines of each receptance."""
-        return refit(thin(self.explanation.fit.model, SIMULATION_LINES), self.explanation.fit.values)
+    def whole(self) -> Predictor:
+        """The predictor of its fit."""
+        return predictor_of(self.explanation.fit)
 
     @cached_property
     def sizes(self) -> dict[str, tuple[float, float]]:
         """Sizes of its causes and their standard errors."""
-        fit, predictor = self.explanation.fit, predictor_of(self.explanation.fit)
-        inverse = np.linalg.inv(predictor.information_root)
-        slopes = predictor.variables.slopes(predictor.values)
-        errors = dict(zip(fit.values, np.linalg.norm(inverse, axis=1) * slopes, strict=True))
-        return {name: (fit.values[name], float(errors[name])) for name in self.explanation.parameters}
+        whole = self.whole
+        errors = np.linalg.norm(np.linalg.inv(whole.information_root), axis=1) * whole.variables.slopes(whole.values)
+        pairs = zip(whole.values.tolist(), errors.tolist(), strict=True)
+        sizes = dict(zip(whole.variables.names, pairs, strict=True))
+        return {name: sizes[name] for name in self.explanation.parameters}
 
-    def predict(self, measurement: Hypothetical, absent: frozenset[str]) -> NDArray[Any]:
-        """Return the noise-free data of a measurement; causes with the ids `absent` do not act on it."""
-        parameters = self.explanation.parameters
-        nulls = {name: parameter.null for name, parameter in parameters.items() if parameter.cause in absent}
-        values = np.array(list((self.fit.values | nulls).values()))
-        model = measurement.extend(self.base)
+    @cached_property
+    def fitted(self) -> tuple[Observation, ...]:
+        """The data of the diagnosis, on few lines of each receptance."""
+        return thin(self.explanation.fit.model, SIMULATION_LINES).observations
+
+    @cached_property
+    def end(self) -> End:
+        """The fit to these alone."""
+        return fit_jointly(self.whole, self.fitted)
+
+    def predict(self, item: MenuItem) -> NDArray[Any] | None:
+        """Return the noise-free data of a measurement if the explanation is true; None where it cannot be made."""
+        model = self._measured(item)
+        if model is None:
+            return None
         (observation,) = model.observations
-        (data,) = replace(predictor_of(self.fit), values=values).of([observation], [model.tolerances]).mean()
+        (data,) = self._predictor(item).of([observation], [model.tolerances]).mean()
         # A cause that changes the quantity of the data has changed the placeholder data.
         return data / observation.receptance if observation.is_receptance else data
 
-    def chi_square_increase(self, measurement: Hypothetical, data: NDArray[Any], absent: frozenset[str]) -> float:
-        """Return the increase of chi-square where one more measurement is fitted as well."""
-        model = self.fit.model
-        added = measurement.extend(self.base, data)
-        parameters = self.explanation.parameters
-        unknowns = tuple(
-            replace(unknown, configurations=unknown.configurations or model.configurations)
-            if unknown.name in parameters and parameters[unknown.name].cause in absent
-            else unknown
-            for unknown in model.unknowns
-        )
-        # The fit already has the errors that all observations share.
-        particular = tuple(tolerance for tolerance in added.tolerances if tolerance.configurations is not None)
-        joint = replace(
-            model,
-            observations=(*model.observations, *added.observations),
-            unknowns=unknowns,
-            tolerances=(*model.tolerances, *particular),
-        )
-        return max(refit(joint, self.fit.values).chi_square - self.fit.chi_square, 0.0)
+    def chi_square_increase(self, item: MenuItem, data: NDArray[Any]) -> float:
+        """Return the increase of chi-square by the data of a simulated measurement, on few lines."""
+        model = self._measured(item, data)
+        if model is None:
+            return 0.0
+        end = fit_jointly(self._predictor(item), self.fitted, model.observations, [model.tolerances])
+        return max(2.0 * (end.cost - self.end.cost), 0.0)
+
+    def _predictor(self, item: MenuItem) -> Predictor:
+        """Return the predictor of the fit on few lines, with the causes that act on a measurement."""
+        names = [name for name, parameter in self.explanation.parameters.items() if parameter.cause in item.absent]
+        values = self.whole.variables.to_values(self.end.x)
+        return replace(self.whole, values=values, parameters=self.whole.parameters.without_effect(names))
+
+    def _measured(self, item: MenuItem, data: NDArray[Any] | None = None) -> Model | None:
+        """Return a measurement with its causes as the only observation of a model; without data with ones."""
+        model, steps = self.base, [step for step in self.explanation.steps if step.cause.id not in item.absent]
+        if item.describe in (Menu.tool_alone, Menu.holder_alone):
+            # The parts themselves are as the causes have changed them.
+            model, steps = self.explanation.fit.model, []
+        assert item.describe is not None
+        candidate = item.describe(Menu(model.observations, model.unknowns, model.tolerances))
+        if candidate is None or (data is not None and data.size != candidate.observation.frequency_hz.size):
+            return None
+        observation = candidate.observation
+        if item.describe is Menu.holder_alone:
+            observation = altered(observation, assembly=self._with_added_points(observation.assembly))
+        observation = observation.with_values(np.ones(observation.frequency_hz.size) if data is None else data)
+        measured = replace(self.base, observations=(observation,), tolerances=candidate.tolerances)
+        return transfer(measured if data is None else thin(measured, SIMULATION_LINES), steps)
+
+    def _with_added_points(self, holder: Assembly) -> Assembly:
+        """Return the holder alone with what causes have attached to it.
+
+        Masses that they attach to the tool are there only while it is measured or clamped.
+        """
+        before = {name for observation in self.base.observations for name in observation.assembly.attachments}
+        points = {
+            name: point
+            for observation in self.explanation.fit.model.observations
+            for name, point in named(observation.assembly.attachments).items()
+            if name not in before and point.part in holder.elements
+        }
+        return with_points(holder, *points.values())
 
 
 @dataclass(frozen=True)
@@ -133,9 +132,8 @@ class MenuItem:
     """Standard deviation of a direct measurement of sizes in SI units, by parameter ("sensor_mass.mass")."""
     presence: frozenset[str] = frozenset()
     """Ids of causes without a size that it shows as well."""
-    describe: Callable[[Model, tuple[Step, ...]], Hypothetical | None] | None = None
-    """Gets the base model and the causes that act on a simulated measurement, and returns it; None where the model does
-    not have it."""
+    describe: Callable[[Menu], Candidate | None] | None = None
+    """Returns the simulated measurement; None where the model does not have it."""
     without: frozenset[str] = frozenset()
     """Ids of the causes that the measurement excludes, and for which it is made."""
     elsewhere: frozenset[str] = frozenset()
@@ -146,10 +144,16 @@ class MenuItem:
 
         It is zero where the measurement does not apply.
         """
-        return self._by_sizes(truth, other) if self.describe is None else self._by_simulation(truth, other)
-
-    def _by_sizes(self, truth: Hypothesis, other: Hypothesis) -> float:
-        increase = QUANTITY_SHOWN * bool(self.presence & (truth.explanation.ids ^ other.explanation.ids))
+        ids = truth.explanation.ids, other.explanation.ids
+        if self.describe is not None:
+            if self.without and not self.without & (ids[0] | ids[1]):
+                return 0.0
+            try:
+                data = truth.predict(self)
+                return 0.0 if data is None else other.chi_square_increase(self, data)
+            except (ReceptanceError, ValueError):
+                return 0.0
+        increase = QUANTITY_SHOWN * bool(self.presence & (ids[0] ^ ids[1]))
         parameters = {**truth.explanation.parameters, **other.explanation.parameters}
         for name in {**truth.sizes, **other.sizes}:
             accuracy = self.accuracy.get(parameters[name].key)
@@ -161,147 +165,10 @@ class MenuItem:
             increase += (true - expected) ** 2 / (accuracy**2 + error**2)
         return increase
 
-    def _by_simulation(self, truth: Hypothesis, other: Hypothesis) -> float:
-        if self.without and not self.without & (truth.explanation.ids | other.explanation.ids):
-            return 0.0
-        absent = self.without | self.elsewhere
-        try:
-            true, assumed = (self._describe(hypothesis, absent) for hypothesis in (truth, other))
-            if (
-                true is None
-                or assumed is None
-                or true.candidate.observation.modes != assumed.candidate.observation.modes
-            ):
-                return 0.0
-            return other.chi_square_increase(assumed, truth.predict(true, absent), absent)
-        except (InfeasibleError, ReceptanceError, ValueError):
-            return 0.0
-
-    def _describe(self, hypothesis: Hypothesis, absent: frozenset[str]) -> Hypothetical | None:
-        steps = tuple(step for step in hypothesis.explanation.steps if step.cause.id not in absent)
-        return None if self.describe is None else self.describe(hypothesis.base, steps)
-
-
-def assembly_again(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
-    """Return the first FRF once more."""
-    index = _first_frf(model)
-    return None if index is None else Hypothetical(_frf(model, index), steps)
-
-
-def at_the_nose(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
-    """Return a direct FRF at the nose of the holder."""
-    index = _first_frf(model)
-    if index is None or not model.anatomies[index].holder:
-        return None
-    nose = Coordinate(model.anatomies[index].holder[0], 0.0)
-    return Hypothetical(_frf(model, index, response=nose, excitation=nose), steps)
-
-
-def other_overhang(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
-    """Return an FRF at a longer overhang than all that were measured, with a clamping of its own."""
-    index = _first_frf(model)
-    if index is None or not model.anatomies[index].joint:
-        return None
-    one = model.observations[index]
-    address = overhang_of(one.assembly, model.anatomies[index])
-    longest = max(
-        observation.assembly.get(address)
-        for observation in model.observations
-        if address in observation.assembly.parameters
-    )
-    longer = LONGER * longest
-    tolerances = tuple(
-        replace(error, name=f"{error.name}, {_NEW}") if error.configurations and address in error.moves else error
-        for error in _tolerances_of_new(model, index)
-    )
-    conditions = {name: longer if name in ("overhang", address) else x for name, x in one.conditions.items()}
-    assembly = one.assembly.replace({address: longer})
-    return Hypothetical(_frf(model, index, assembly=assembly, conditions=conditions, tolerances=tolerances), steps)
-
-
-def other_force(model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
-    """Return an FRF at a higher force than all that were measured."""
-    index = _first_frf(model)
-    levels = [
-        observation.conditions["force"] for observation in model.observations if "force" in observation.conditions
-    ]
-    if index is None or not levels:
-        return None
-    conditions = {**model.observations[index].conditions, "force": HARDER * max(levels)}
-    return Hypothetical(_frf(model, index, conditions=conditions), steps)
-
-
-def part_alone(side: str, model: Model, steps: tuple[Step, ...]) -> Hypothetical | None:
-    """Return natural frequencies of the "tool" with the longest overhang, or of the "holder", alone and free-free.
-
-    The causes are in their assembly.
-    """
-    index = max(range(len(model.observations)), key=lambda i: _overhang(model, i))
-    one, names = model.observations[index], getattr(model.anatomies[index], side)
-    if not names:
-        return None
-    whole = transfer(replace(model, observations=(one,)), steps).observations[0].assembly
-    own = [
-        point
-        for name, point in named(whole.attachments).items()
-        # Masses that causes attach to the tool are there only while it is measured or clamped.
-        if side == "holder" and point.part in names and name not in one.assembly.attachments
-    ]
-    assembly = with_points(Assembly([whole.elements[name] for name in names]), *own)
-    frequencies = assembly.natural_frequencies(HIGHEST_ALONE)[:MODES_ALONE]
-    place = Site(assembly)
-    tolerances = []
-    for error in _tolerances_of_new(model, index):
-        moves = {address: size for address, size in error.moves.items() if place.covered(address)}
-        tolerances += [replace(error, moves=moves)] if moves else []
-    observation = Observation.from_modes(
-        label=_NEW,
-        assembly=assembly,
-        modes=range(1, frequencies.size + 1),
-        standard_deviation_hz=RESOLUTION_ALONE * frequencies,
-        conditions=one.conditions,
-    )
-    return Hypothetical(Candidate(observation=observation, tolerances=tuple(tolerances)), ())
-
-
-def _first_frf(model: Model) -> int | None:
-    return next((i for i, observation in enumerate(model.observations) if observation.is_receptance), None)
-
-
-def _frf(model: Model, index: int, *, tolerances: tuple[Tolerance, ...] | None = None, **changes: Any) -> Candidate:
-    """Return an FRF like one that was measured, with changes."""
-    one = model.observations[index]
-    assert one.is_receptance
-    fields: dict[str, Any] = {
-        "assembly": one.assembly,
-        "response": one.response,
-        "excitation": one.excitation,
-        "conditions": one.conditions,
-    }
-    observation = Observation(
-        label=_NEW,
-        frequency_hz=one.frequency_hz,
-        standard_deviation=float(np.median(np.asarray(one.standard_deviation))),
-        floor=Floor(),
-        **(fields | changes),
-    )
-    own = _tolerances_of_new(model, index) if tolerances is None else tolerances
-    return Candidate(observation=observation, tolerances=own)
-
-
-def _tolerances_of_new(model: Model, index: int) -> tuple[Tolerance, ...]:
-    """Return the errors of an observation as those of the new measurement."""
-    place = model.observations[index].site(index)
-    own = [tolerance for tolerance in model.tolerances if place.among(tolerance.configurations, tolerance.labels)]
-    return tuple(
-        one if one.configurations is None and one.labels is None else replace(one, configurations=(_NEW,), labels=None)
-        for one in own
-    )
-
-
-def _overhang(model: Model, index: int) -> float:
-    anatomy, one = model.anatomies[index], model.observations[index]
-    return one.assembly.get(overhang_of(one.assembly, anatomy)) if anatomy.joint else 0.0
+    @property
+    def absent(self) -> frozenset[str]:
+        """Ids of the causes that do not act on a simulated measurement."""
+        return self.without | self.elsewhere
 
 
 MENU = (
@@ -320,27 +187,25 @@ MENU = (
     MenuItem(
         "repeat one measurement without the exponential window",
         2.0,
-        describe=assembly_again,
+        describe=Menu.again,
         without=frozenset({"exponential_window"}),
     ),
-    MenuItem("hit once exactly at a marked place", 2.0, describe=assembly_again, without=frozenset({"hammer_offset"})),
+    MenuItem("hit once exactly at a marked place", 2.0, describe=Menu.again, without=frozenset({"hammer_offset"})),
     MenuItem(
         "measure a free mass that is known",
         3.0,
         {"calibration_gain.log_gain": 3e-3, "time_delay.delay": 2e-7},
         presence=frozenset({"wrong_quantity", "reversed_polarity"}),
     ),
+    MenuItem("hang it softer and repeat one measurement", 3.0, describe=Menu.again, without=frozenset({"suspension"})),
     MenuItem(
-        "hang it softer and repeat one measurement", 3.0, describe=assembly_again, without=frozenset({"suspension"})
+        "measure an FRF at the holder's nose", 3.0, describe=Menu.at_the_nose, elsewhere=frozenset({"hammer_offset"})
     ),
-    MenuItem("measure an FRF at the holder's nose", 3.0, describe=at_the_nose, elsewhere=frozenset({"hammer_offset"})),
-    MenuItem("measure at a longer overhang", 3.0, describe=other_overhang),
-    MenuItem("hit at three times the force", 3.0, describe=other_force),
-    MenuItem("measure the blank alone, free-free", 4.0, describe=partial(part_alone, "tool")),
-    MenuItem("measure the holder alone, free-free", 4.0, describe=partial(part_alone, "holder")),
-    MenuItem(
-        "measure a plain blank of the tool's size", 4.0, describe=assembly_again, without=frozenset({"fluted_part"})
-    ),
+    MenuItem("measure at a longer overhang", 3.0, describe=Menu.longer_overhang),
+    MenuItem("hit at three times the force", 3.0, describe=Menu.higher_force),
+    MenuItem("measure the blank alone, free-free", 4.0, describe=Menu.tool_alone),
+    MenuItem("measure the holder alone, free-free", 4.0, describe=Menu.holder_alone),
+    MenuItem("measure a plain blank of the tool's size", 4.0, describe=Menu.again, without=frozenset({"fluted_part"})),
 )
 """The menu of the advice."""
 
@@ -363,7 +228,7 @@ class _Valued:
     @property
     def worth(self) -> float:
         """Resolved share for its cost; if none is resolved, the smallest increase of chi-square."""
-        return (self.resolves + 1e-3 * math.tanh(min(self.increases.values()) / MARGIN)) / math.sqrt(self.cost)
+        return worth(self.resolves + 1e-3 * math.tanh(min(self.increases.values()) / MARGIN), self.cost)
 
 
 def advise(selection: Selection, judgement: Judgement) -> ProposedMeasurement | None:
@@ -418,7 +283,7 @@ def _best(remaining: Sequence[Explanation], base: Model, ids: Sequence[str]) -> 
     singles: list[_Valued] = []
     for choice in sorted(MENU, key=lambda one: one.cost):
         # A choice that resolves everything is not exceeded by more expensive ones.
-        if best is not None and best.worth >= 1.0 / math.sqrt(choice.cost):
+        if best is not None and best.worth >= worth(1.0, choice.cost):
             break
         increases = {(a, b): choice.discriminate(hypotheses[a], hypotheses[b]) for a, b in pairs}
         singles.append(_value(choice.action, choice.cost, increases, remaining, ids))

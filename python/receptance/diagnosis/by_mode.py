@@ -15,7 +15,6 @@ from scipy import special
 
 from receptance.diagnosis.discrepancy import in_antiresonance
 from receptance.diagnosis.fitting import Fit
-from receptance.diagnosis.joint_causes import overhang_of
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import (
     BIAS_CHANCE,
@@ -29,6 +28,7 @@ from receptance.errors import ReceptanceWarning
 from receptance.fit.observation import Observation
 from receptance.frf import FRF
 from receptance.modal import ModeEstimate, circle_fit, find_peaks
+from receptance.model.anatomy import overhang_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,7 +39,6 @@ from receptance.diagnosis.wording import implausible
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation
 from receptance.fit.unknowns import Tolerance, Unknowns, as_unknowns
-from receptance.frf.variance import UNUSED_COHERENCE
 
 _FAST = (
     "fast diagnosis: configurations were not left out in turn, changes that imitate a cause were not fitted, and no "
@@ -184,11 +183,10 @@ def _check_observations(observations: Observation | Sequence[Observation]) -> tu
         if not isinstance(one, Observation):
             raise TypeError(f"observations[{index}] is {one!r}, expected an Observation")
         if not one.weighted:
-            reasons = [note for note in getattr(one, "notes", ()) if note.startswith(UNUSED_COHERENCE)]
             remedy = "give `standard_deviation` or `floor`, or coherence and `averages` of an FRF"
             raise ValueError(
                 f"{one!r} has no standard deviation, which the diagnosis needs to judge the residuals; "
-                f"{reasons[0] if reasons else remedy}"
+                f"{one.noise.unused_coherence or remedy}"
             )
     return given
 

@@ -95,7 +95,8 @@ Metric = Callable[[HeldOut], float]
 
 def predictor_of(fit: Fit) -> Predictor:
     """Return the predictor of a fit, from its end point and the normal matrix there."""
-    return Predictor(fit.task.parameters, np.array(list(fit.values.values())), root=fit.curvature_root)
+    values = np.array(list(fit.values.values()))
+    return Predictor(fit.task.parameters, values, root=fit.curvature_root, threads=fit.model.threads)
 
 
 def predicted_data(fit: Fit, model: Model) -> PredictedData:

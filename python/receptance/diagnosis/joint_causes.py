@@ -11,7 +11,6 @@ from typing import Any, TypeVar
 from receptance.diagnosis.causes import Cause, Parameter, Variant
 from receptance.diagnosis.model import (
     SPRING_TERMS,
-    Anatomy,
     IndescribableError,
     Model,
     UndecidableError,
@@ -30,6 +29,7 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.fit.observation import Observation, altered
 from receptance.fit.unknowns import Law, Move, Prior, Tolerance, covered
+from receptance.model.anatomy import Anatomy, overhang_of
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part, Section, SpreadJoint
 from receptance.model.coordinates import Coordinate
@@ -175,12 +175,6 @@ def _condition_law(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant
         raise UndecidableError("no condition that a joint could depend on (overhang, torque, pre-force) was varied")
     for name in chosen:
         yield from _laws(p, model, name, f"{name}: ")
-
-
-def overhang_of(assembly: Assembly, anatomy: Anatomy) -> str:
-    """Return the address of the overhang: the length of the tool's last segment."""
-    part = anatomy.tool[-1]
-    return f"{part}.segment[{len(part_of(assembly, part).segments) - 1}].length"
 
 
 def _collet(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:

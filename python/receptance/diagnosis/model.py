@@ -14,14 +14,13 @@ from receptance.fit.parameters import Parameters, Site
 from receptance.fit.problem import Problem, Task
 from receptance.fit.unknowns import Law, Move, Tolerance, Unknown, covered
 from receptance.model.addresses import edges_of, place_on, points_of
+from receptance.model.anatomy import Anatomy, anatomy_of
 from receptance.model.assembly import Assembly
-from receptance.model.beams import Part, SpreadJoint
-from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
-from receptance.model.terminals import Terminal
+from receptance.model.beams import Part
+from receptance.model.joints import GroundSpring, PointJoint, PointMass, Resonator
 
 SPRING_TERMS = tuple(field for field in PointJoint.columns_of if field != "loss_factor")
 """Stiffnesses and dampings of a spring."""
-_JOINTS = (PointJoint, SpreadJoint, ColletJoint)
 _SEGMENT = re.compile(r"(\w+)\.segment\[(\d+)\]\.(.+)")
 
 
@@ -41,21 +40,6 @@ class UndecidableError(Exception):
 
 class IndescribableError(UndecidableError, ValueError):
     """A cause cannot be described for an assembly or a position; the message names it."""
-
-
-@dataclass(frozen=True)
-class Anatomy:
-    """The parts of an assembly before the joint that is identified, the joint, and the parts behind it."""
-
-    tool: tuple[str, ...]
-    """Names of the parts before the joint."""
-    joint: str
-    """Name of the joint; empty where there is none."""
-    holder: tuple[str, ...]
-    """Names of the parts behind it."""
-    end: str = ""
-    """Name of the table of receptances or of the modes at the far end; empty where there is none. If there is no
-    holder, it describes all that is behind the joint."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +139,8 @@ class Model:
     @cached_property
     def anatomies(self) -> tuple[Anatomy, ...]:
         """Tool, joint and holder of each observation."""
-        return tuple(self._anatomy(observation.assembly) for observation in self.observations)
+        identified = [unknown.address for unknown in self.unknowns]
+        return tuple(anatomy_of(observation.assembly, identified) for observation in self.observations)
 
     @cached_property
     def joints(self) -> tuple[str, ...]:
@@ -188,19 +173,6 @@ class Model:
         """Return the addresses of a field of a joint: two where the joint is a collet between two springs."""
         possible = (f"{joint}.{field}", f"{joint}.inner.{field}", f"{joint}.outer.{field}")
         return tuple(a for a in possible if any(covered(a, observation.assembly) for observation in self.observations))
-
-    def _anatomy(self, assembly: Assembly) -> Anatomy:
-        names = list(assembly.elements)
-        joints = [name for name in names if isinstance(assembly.elements[name], _JOINTS)]
-        identified = [name for name in joints if any(u.address.startswith(f"{name}.") for u in self.unknowns)]
-        joint = (identified or joints or [""])[0]
-        parts = [name for name in names if isinstance(assembly.elements[name], Part)]
-        end = names[-1] if isinstance(assembly.elements[names[-1]], Terminal) else ""
-        if not joint:
-            return Anatomy(tuple(parts), "", (), end)
-        before = names[: names.index(joint)]
-        tool = tuple(name for name in parts if name in before)
-        return Anatomy(tool, joint, tuple(name for name in parts if name not in before), end)
 
     def has(self, address: str) -> bool:
         """Return whether the parameter at an address is an unknown."""

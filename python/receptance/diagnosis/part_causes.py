@@ -9,7 +9,6 @@ from functools import partial
 from itertools import pairwise
 
 from receptance.diagnosis.causes import Cause, Parameter, Variant
-from receptance.diagnosis.joint_causes import overhang_of
 from receptance.diagnosis.model import Model, UndecidableError, places_on, require_beams
 from receptance.diagnosis.thresholds import (
     DRAWING,
@@ -26,6 +25,7 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.fit.unknowns import Prior, covered
 from receptance.model.addresses import edges_of
+from receptance.model.anatomy import overhang_of
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part
 from receptance.model.joints import PointMass

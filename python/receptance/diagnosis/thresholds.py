@@ -174,16 +174,6 @@ SIMULATION_LINES = 150
 """Lines of each receptance in the simulation of a further measurement."""
 QUANTITY_SHOWN = 1e3
 """Increase of chi-square by a wrong quantity where a known mass is measured."""
-RESOLUTION_ALONE = 1e-3
-"""Standard deviation of natural frequencies of a part alone, as a share."""
-MODES_ALONE = 3
-"""Number of natural frequencies of a part alone."""
-HIGHEST_ALONE = 2e4
-"""Highest natural frequency of a part alone in Hz."""
-LONGER = 1.3
-"""A longer overhang, as a multiple of the longest one that was measured."""
-HARDER = 3.0
-"""A higher force, as a multiple of the highest one that was measured."""
 
 # Predictions, held-out data and residuals by mode.
 

@@ -51,7 +51,8 @@ def _weighed(
     if deviation is not None:
         deviation = deviation.copy()
         deviation.setflags(write=False)
-    return _replaced(target, noise=Noise(deviation), _weights=(deviation, ()), stated_notes=tuple(notes), **fields)
+    noise = Noise(deviation, unused_coherence=target.noise.unused_coherence)
+    return _replaced(target, noise=noise, _weights=(deviation, ()), stated_notes=tuple(notes), **fields)
 
 
 def _replaced(target: Observation, **fields: Any) -> Observation:
@@ -318,6 +319,10 @@ class Observation:
         least = as_floor("Observation.from_frf", floor)
         name = frf.label if label is None and isinstance(frf, FRF) else str(label)
         entry, places, notes = _entry(frf, response, excitation)
+        entry = with_variance(entry)
+        if unused := unused_coherence(entry):
+            notes.append(unused)
+            warnings.warn(f"{entry!r}: {unused}", ReceptanceWarning, stacklevel=2)
         entry, line_notes = _usable(entry, name, low_hz, high_hz)
         owner, lines = _owner(name), entry.complex_frequency_hz
         variance, freedom = (
@@ -333,7 +338,7 @@ class Observation:
                 "frequency_hz": lines,
                 "receptance": entry.values[:, 0, 0],
                 "correlated_lines": entry.correlated_lines,
-                "noise": Noise(variance=variance, degrees_of_freedom=freedom, floor=least),
+                "noise": Noise(variance=variance, degrees_of_freedom=freedom, floor=least, unused_coherence=unused),
                 "label": name,
                 "stated_notes": (*entry.notes, *notes, *line_notes),
                 "configuration": str(configuration or name),
@@ -611,14 +616,10 @@ def _entry(
 
 
 def _usable(frf: FRF, label: str, low_hz: float | None, high_hz: float | None) -> tuple[FRF, list[str]]:
-    """Return an entry as receptance on the lines that an observation has, with its variance, and notes."""
+    """Return an entry as receptance on the lines that an observation has, and notes."""
     notes = []
-    entry = with_variance(frf)
-    if unused := unused_coherence(entry):
-        notes.append(unused)
-        warnings.warn(f"{frf!r}: {unused}", ReceptanceWarning, stacklevel=3)
     # The band is selected first, so that a line at 0 Hz outside of it causes no note.
-    entry = entry.select(low_hz=low_hz, high_hz=high_hz).masked().to("receptance")
+    entry = frf.select(low_hz=low_hz, high_hz=high_hz).masked().to("receptance")
     usable = entry.frequency_hz > 0.0
     if entry.log_variance is not None:
         infinite = np.isinf(entry.log_variance[:, 0, 0]) & usable

@@ -339,6 +339,12 @@ class Parameters:
             return None
         return result
 
+    def without_effect(self, names: Collection[str]) -> Parameters:
+        """Return the parameters for sites where some of the unknowns, by name, have no effect."""
+        result = copy.copy(self)
+        result.given = tuple(unknown for unknown in self.given if unknown.name not in names)
+        return result
+
     def of(self, sites: Sequence[Site]) -> list[ParameterMap]:
         """Return the parameters of sites; those of the observed sites are cached."""
         known = [*self._maps, *[(None, None)] * (len(sites) - len(self._maps))]

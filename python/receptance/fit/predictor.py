@@ -459,17 +459,25 @@ class PredictedData:
         pairs = zip(self._observations, self._mappings, strict=True)
         return [calculated(observation, mapping, self.variables, self.start) for observation, mapping in pairs]
 
-    def problem(self, observations: Sequence[Observation] | None = None) -> Problem:
+    def problem(self, observations: Sequence[Observation] | None = None, fitted: Sequence[Observation] = ()) -> Problem:
         """Return the residuals of the observations, followed by those of the information of the fit.
 
-        Other `observations` have the same parameters and other data.
+        Other `observations` have the same parameters and other data. With `fitted`, the observations of the fit on
+        some of their lines, all with standard deviations, their residuals and the priors replace the information.
         """
         count = self._predictor.values.size
-        root = np.eye(count + len(self.fresh))
-        root[:count, :count] = self._predictor.information_root
-        measured = self._observations if observations is None else observations
+        measured = [*(self._observations if observations is None else observations), *fitted]
+        mappings, information = self._mappings, None
+        if fitted:
+            sites = [observation.site(index) for index, observation in enumerate(fitted)]
+            maps = self._predictor.parameters.of(sites)
+            mappings = [*mappings, *(mapping.widened(count + len(self.fresh)) for mapping in maps)]
+        else:
+            root = np.eye(count + len(self.fresh))
+            root[:count, :count] = self._predictor.information_root
+            information = root, self.start
         units: list[Unit] = ["standard deviations"] * len(measured)
-        return Problem(self.variables, measured, self._mappings, units, information=(root, self.start))
+        return Problem(self.variables, measured, mappings, units, self._predictor.threads, information=information)
 
     @cached_property
     def _problem(self) -> Problem:

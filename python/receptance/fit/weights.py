@@ -154,6 +154,8 @@ class Noise:
     degrees_of_freedom: NDArray[np.float64] | None = None
     """`(n,)` of that variance."""
     floor: Floor = NO_FLOOR
+    unused_coherence: str = ""
+    """Why a measured coherence gives no variance, and what to do; empty without one."""
 
     def weigh(
         self, owner: str, lines: NDArray[np.float64], values: NDArray[np.complex128], correlated: NDArray[np.float64]

@@ -17,8 +17,6 @@ from receptance import _checks
 from receptance.frf.data import FRFData
 from receptance.frf.validation import average_count
 
-UNUSED_COHERENCE = "the coherence is not used"
-"""First words of the note on a coherence that gives no standard deviations."""
 _HALF_WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 _TARGET_FREEDOM = 60.0
 """Degrees of freedom of the median line at which the window stops growing; t is then within 2 % of the normal."""
@@ -120,12 +118,12 @@ def unused_coherence(frf: FRFData) -> str:
         return ""
     if frf.averages is None:
         return (
-            f"{UNUSED_COHERENCE}, because the number of averaged records is unknown: give it, `averages = 10` for "
-            "example, and standard deviations are computed from the coherence"
+            "the coherence is not used, because the number of averaged records is unknown: give it, `averages = 10` "
+            "for example, and standard deviations are computed from the coherence"
         )
     return (
-        f"{UNUSED_COHERENCE}, because averages is {frf.averages}: the coherence of a single record is always 1; give a "
-        "standard deviation"
+        f"the coherence is not used, because averages is {frf.averages}: the coherence of a single record is always 1; "
+        "give a standard deviation"
     )
 
 

@@ -1,7 +1,8 @@
 """Predictions that are checked, and measurements that are planned, with the posterior of a fit.
 
-`transfers` fits some configurations and compares its predictions with the others. `candidate` describes measurements
-that nobody has made; `ranking` states the intervals that are expected with each of them.
+`transfers` fits some configurations and compares its predictions with the others. `menu` describes measurements that
+nobody has made; `gain` computes what one of them is expected to add to a fit: narrower intervals, by which `ranking`
+orders them, and evidence against a rival explanation, by which a diagnosis advises one.
 """
 
 import lazy_loader

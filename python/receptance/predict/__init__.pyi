@@ -1,4 +1,5 @@
-from .candidate import Candidate as Candidate
+from .menu import Candidate as Candidate
+from .menu import Menu as Menu
 from .ranking import Expectation as Expectation
 from .ranking import NextMeasurement as NextMeasurement
 from .ranking import RankedCandidate as RankedCandidate

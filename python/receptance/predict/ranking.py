@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -15,15 +16,12 @@ from receptance.errors import ReceptanceError
 from receptance.fit.covariance import confidence_multiplier
 from receptance.fit.likelihood import Profile, profile_likelihoods, require_likelihood
 from receptance.fit.observation import Observation, altered
-from receptance.fit.predictor import PredictedData, Predictor
+from receptance.fit.predictor import Predictor
 from receptance.fit.result import Identification
-from receptance.fit.unknowns import Tolerance
-from receptance.predict.candidate import Candidate
+from receptance.predict.gain import SMALLEST, Target, data_of, expected_deviations, names_of, predictors_at, worth
+from receptance.predict.menu import Candidate, Menu
 from receptance.report import Column, Provenance, Result, Table
 from receptance.report.table import Cell, Interval, percent
-
-Target = str | Candidate
-"""A parameter by name, or a prediction."""
 
 _WIDE = 0.1
 """Half width of an interval from which a profile is computed: in log10, or as a share of the range of the bounds."""
@@ -31,8 +29,6 @@ _EDGE = 1e-3
 """Distance from a bound, as a share of the range, up to which a parameter counts as at the bound."""
 _QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
 """Quantiles of the likelihood along a profile at which the information is taken, with equal weights."""
-_SMALLEST = 1e-300
-"""Smallest standard deviation whose logarithm is taken."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +87,7 @@ class RankedCandidate:
     shrink: float
     """Geometric mean over the targets of the expected standard deviation as a share of the present one."""
     score: float
-    """-ln(shrink) / cost; the ranking is by this."""
+    """The worth, -ln(shrink) / sqrt(cost); the ranking is by this."""
 
     @property
     def label(self) -> str:
@@ -142,7 +138,7 @@ class NextMeasurement(Result):
                 (
                     place,
                     one.label,
-                    one.candidate.observation.configuration,
+                    _configuration(one.candidate.observation),
                     100.0 * one.shrink,
                     one.candidate.cost if priced else None,
                 )
@@ -209,7 +205,7 @@ class NextMeasurement(Result):
 
 def next_measurement(
     found: Identification,
-    candidates: Candidate | Sequence[Candidate],
+    candidates: Candidate | Sequence[Candidate] | None = None,
     *,
     targets: Target | Sequence[Target] | None = None,
     level: float = 0.95,
@@ -231,8 +227,8 @@ def next_measurement(
     ----------
     found : Identification
         The fit.
-    candidates : Candidate or sequence of Candidate
-        The measurements to rank.
+    candidates : Candidate or sequence of Candidate, optional
+        The measurements to rank; by default those of the `Menu` that can be made on what was measured.
     targets : str, Candidate or a sequence of them, optional
         Names of unknowns, or predictions of natural frequencies or of receptances, whose intervals should become
         narrower. Standard deviations and costs of predictions do not matter. By default all unknowns except errors.
@@ -254,7 +250,7 @@ def next_measurement(
         No candidate, two candidates of one label, natural frequencies without standard deviations, an unknown target, a
         fit of percentages, which are no likelihood, or a candidate without any of the unknowns.
     ReceptanceError
-        The model of a candidate has no value at the fit.
+        The model of a candidate has no value at the fit. Candidates of the menu are left out with a note instead.
 
     Examples
     --------
@@ -277,28 +273,36 @@ def next_measurement(
     >>> better.best.label
     'tip FRF'
     """
-    candidates = _check_candidates(candidates)
+    stated = () if candidates is None else _check_candidates(candidates)
     require_likelihood(found)
     chosen = _check_targets(targets, found)
     confidence_multiplier(level, None)
     report = progress or (lambda _: None)
+    possible = stated or _menu(found)
     wide = _wide_profiles(found, chosen, level, dict(profiles or {}), report)
     points, notes = _points(found, wide)
-    report(f"evaluating {len(candidates)} candidates at {len(points)} points")
+    report(f"evaluating {len(possible)} candidates at {len(points)} points")
     present = _present(found, chosen, level, points, wide)
     ranking = []
-    for candidate in candidates:
+    for candidate in possible:
         report(f"evaluating {candidate.label}")
-        expected = _expected(found, chosen, level, candidate, points, present)
-        shrink = float(np.exp(np.mean([np.log(max(e.shrink, _SMALLEST)) for e in expected.values()])))
-        ranking.append(
-            RankedCandidate(
-                candidate=candidate, expected=expected, shrink=shrink, score=-np.log(shrink) / candidate.cost
-            )
-        )
+        try:
+            expected = _expected(found, chosen, level, candidate, points, present)
+        except (ReceptanceError, ValueError) as error:
+            if stated:
+                raise
+            notes.append(f'"{candidate.label}" is not ranked: {error}')
+            continue
+        shrink = float(np.exp(np.mean([np.log(max(e.shrink, SMALLEST)) for e in expected.values()])))
+        score = worth(-np.log(shrink), candidate.cost)
+        ranking.append(RankedCandidate(candidate=candidate, expected=expected, shrink=shrink, score=score))
+    if not ranking:
+        raise ValueError(f"no measurement of the menu can be simulated, expected candidates: {'; '.join(notes)}")
     ranking.sort(key=lambda ranked: -ranked.score)
     if len({ranked.candidate.cost for ranked in ranking}) > 1:
-        notes.append("the ranking is by the reduction of the deviations for the cost")
+        notes.append("the ranking is by the reduction of the deviations for the square root of the cost")
+    if not stated:
+        notes.append("the candidates are those of the menu, with the lines and the noise of what was measured")
     if found.warnings():
         notes.append(f"the fit has advice: {found.warnings()[0]}")
     return NextMeasurement(
@@ -310,6 +314,24 @@ def next_measurement(
         rejection=found.rejection,
         notes=tuple(notes),
     )
+
+
+def _menu(found: Identification) -> list[Candidate]:
+    """Return the candidates of the menu; the scatter of the residuals is the noise where none was stated."""
+    scatter = math.sqrt(found.residual_variance)
+    observations = [
+        observation
+        if observation.weighted
+        else altered(
+            observation,
+            standard_deviation=scatter
+            * (1.0 if observation.is_receptance else observation.frequency_hz)
+            * np.ones(observation.frequency_hz.size),
+        )
+        for observation in found.task.observed
+    ]
+    parameters = found.task.parameters
+    return Menu(tuple(observations), parameters.given, parameters.tolerances).candidates()
 
 
 def _check_candidates(candidates: Candidate | Sequence[Candidate]) -> tuple[Candidate, ...]:
@@ -337,83 +359,17 @@ def _check_targets(targets: Target | Sequence[Target] | None, found: Identificat
     return given
 
 
-def _data(predictor: Predictor, hypotheses: Sequence[Candidate]) -> PredictedData:
-    tolerances = [_tolerances_of(hypothesis, predictor.parameters.tolerances) for hypothesis in hypotheses]
-    return predictor.of([hypothesis.observation for hypothesis in hypotheses], tolerances)
-
-
 def _values(found: Identification, targets: Sequence[Target]) -> dict[str, float]:
     """Return the present values of the targets by name; 0 for the logarithm of a receptance."""
     values: dict[str, float] = {}
-    data = iter(_data(found.predictor, [target for target in targets if isinstance(target, Candidate)]).mean())
+    data = iter(data_of(found.predictor, [target for target in targets if isinstance(target, Candidate)]).mean())
     for target in targets:
         if isinstance(target, str):
             values[target] = found.values[target]
             continue
         predicted = next(data)
-        values |= zip(_names_of(target), [0.0] if target.observation.is_receptance else predicted.tolist(), strict=True)
+        values |= zip(names_of(target), [0.0] if target.observation.is_receptance else predicted.tolist(), strict=True)
     return values
-
-
-def _deviations(
-    predictor: Predictor, targets: Sequence[Target], candidate: Candidate | None = None
-) -> dict[str, float]:
-    """Return the standard deviations of the targets by name, with a candidate or without.
-
-    They are those of the fitted variables, of natural frequencies in Hz, and of the logarithm of receptances, as root
-    mean square over the lines.
-    """
-    names, count = predictor.variables.names, predictor.values.size
-    hypotheses = [target for target in targets if isinstance(target, Candidate)]
-    hypotheses += [] if candidate is None else [candidate]
-    data = _data(predictor, hypotheses)
-    observations = [
-        _expected_data(hypothesis.observation, mean) for hypothesis, mean in zip(hypotheses, data.mean(), strict=True)
-    ]
-    problem = data.problem(observations)
-    *parts, prior = np.split(problem.jacobian(data.start), np.cumsum(problem.sizes))
-    information = prior.T @ prior
-    if candidate is not None:
-        if not np.any(parts[-1][:, :count]):
-            raise ValueError(f"{candidate!r} has none of the identified parameters {', '.join(names)}")
-        information += parts[-1].T @ parts[-1]
-    scale = np.sqrt(np.diag(information))
-    information /= np.outer(scale, scale)
-    deviations: dict[str, float] = {}
-    predicted = zip(parts, observations, strict=True)
-    for target in targets:
-        if isinstance(target, str):
-            gradients = np.eye(data.start.size)[None, None, names.index(target)]
-        else:
-            part, observation = next(predicted)
-            part = part * observation.standard_deviations[:, None]
-            gradients = part[None] if target.observation.is_receptance else part[:, None]
-        for name, gradient in zip(_names_of(target), gradients, strict=True):
-            scaled = (gradient / scale).T
-            variances = np.sum(scaled * np.linalg.solve(information, scaled), axis=0)
-            deviations[name] = float(np.sqrt(np.mean(variances)))
-    return deviations
-
-
-def _names_of(target: Target) -> list[str]:
-    """Return the names of the numbers of a target."""
-    if isinstance(target, str):
-        return [target]
-    if target.observation.is_receptance:
-        return [f"{target.label}: log receptance"]
-    return [f"{target.label}: mode {mode} [Hz]" for mode in target.observation.modes]
-
-
-def _expected_data(observation: Observation, data: NDArray[Any]) -> Observation:
-    """Return an observation with data; the standard deviation of a prediction, which has none, is 1."""
-    expected = observation.with_values(data)
-    return expected if expected.weighted else altered(expected, standard_deviation=np.ones(data.size))
-
-
-def _tolerances_of(candidate: Candidate, of_fit: Sequence[Tolerance]) -> list[Tolerance]:
-    """Return the errors of a candidate, and those of the fit that it does not describe itself."""
-    names = {tolerance.name for tolerance in candidate.tolerances}
-    return [*(tolerance for tolerance in of_fit if tolerance.name not in names), *candidate.tolerances]
 
 
 def _wide_profiles(
@@ -448,24 +404,12 @@ def _points(found: Identification, profiles: Mapping[str, Profile]) -> tuple[lis
 
     Their information is that of the measurements of the fit at each point.
     """
-    problem, scale = found.task.problem(), np.sqrt(max(found.residual_variance, _SMALLEST))
-
-    def predictor(x: NDArray[np.float64]) -> Predictor:
-        if not np.isfinite(problem.residual(x)).all():
-            raise ReceptanceError(problem.reason(x))
-        values = found.task.variables.to_values(x)
-        return Predictor(found.task.parameters, values, root=problem.jacobian(x) / scale)
-
     if not profiles:
-        return [predictor(found.vector)], []
-    points, lost = [], 0
-    for name, profile in profiles.items():
-        for x in _quantiles_along(found.index(name), profile):
-            try:
-                points.append(predictor(x))
-            except ReceptanceError:
-                lost += 1
-    points = points or [predictor(found.vector)]
+        return predictors_at(found, [found.vector]), []
+    vectors = [x for name, profile in profiles.items() for x in _quantiles_along(found.index(name), profile)]
+    points = predictors_at(found, vectors)
+    lost = len(vectors) - len(points)
+    points = points or predictors_at(found, [found.vector])
     one = len(profiles) == 1
     notes = [
         f"the interval{'' if one else 's'} of {', '.join(profiles)} {'is' if one else 'are'} so wide that the "
@@ -509,7 +453,7 @@ def _present(
     profiles: Mapping[str, Profile],
 ) -> dict[str, Expectation]:
     """Return values, standard deviations and intervals of the targets from the measurements of the fit alone."""
-    deviations = [_deviations(point, targets) for point in points]
+    deviations = [expected_deviations(point, targets) for point in points]
     multiplier = found.confidence_multiplier(level)
     present = {}
     for name, value in _values(found, targets).items():
@@ -551,7 +495,7 @@ def _expected(
     present: Mapping[str, Expectation],
 ) -> dict[str, Expectation]:
     """Return the expectation of each target with a candidate, from all points."""
-    at_points = [_deviations(point, targets, candidate) for point in points]
+    at_points = [expected_deviations(point, targets, candidate) for point in points]
     multiplier, (low, high) = found.confidence_multiplier(level), found.task.variables.limits
     expected = {}
     for name, now in present.items():
@@ -576,7 +520,12 @@ def _expected(
 
 
 def _geometric_mean(deviations: Sequence[float]) -> float:
-    return float(np.exp(np.mean(np.log(np.maximum(deviations, _SMALLEST)))))
+    return float(np.exp(np.mean(np.log(np.maximum(deviations, SMALLEST)))))
+
+
+def _configuration(observation: Observation) -> str | None:
+    """Return the configuration of an observation, or None where it is the label."""
+    return None if observation.configuration == observation.label else observation.configuration
 
 
 def _ends(e: Expectation, ends: tuple[float, float]) -> Interval:
