@@ -275,7 +275,7 @@ def test_with_validates_its_fields():
     assert frf.with_(label="nose").label == "nose"
     assert frf.with_(coherence=None).coherence is None
     np.testing.assert_array_equal(frf.with_(label="nose").values, frf.values)
-    with pytest.raises(TypeError, match="no field 'name'; the fields are frequency_hz, values, form"):
+    with pytest.raises(TypeError, match="no field 'name'; the fields are label, source, notes, frequency_hz, values"):
         frf.with_(name="nose")
     with pytest.raises(ValueError, match="coherence at 50 Hz is 2"):
         frf.with_(coherence=2.0)

@@ -17,8 +17,8 @@ from receptance.errors import ReceptanceWarning
 from receptance.fit.parameters import FACTORS, Site
 from receptance.fit.weights import Floor, Noise, as_floor, low_frequency_notes
 from receptance.frf import FRF
+from receptance.frf.fields import check_form
 from receptance.frf.frf import with_variance
-from receptance.frf.validation import check_form
 from receptance.frf.variance import unused_coherence
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate, UnknownPosition
@@ -335,7 +335,7 @@ class Observation:
                 "correlated_lines": entry.correlated_lines,
                 "noise": Noise(variance=variance, degrees_of_freedom=freedom, floor=least),
                 "label": name,
-                "stated_notes": (*entry.notes, *notes, *line_notes),
+                "stated_notes": (*entry.notes, *frf.contradictions, *notes, *line_notes),
                 "configuration": str(configuration or name),
                 "force": None if force is None else _checks.by_line(owner, "force", force, lines.shape),
                 "ends": None if ends is None else _checks.positive(owner, "ends", ends),

@@ -13,7 +13,7 @@ from receptance import _checks
 from receptance._reading import ReadingOptions
 from receptance.errors import warn_user
 from receptance.frf import FRF
-from receptance.frf.validation import check_coherence
+from receptance.frf.fields import check_coherence
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Measurement
 from receptance.model.coordinates import Coordinate, as_coordinates

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.frf import FRF
-from receptance.frf.plausibility import DRIVE_POINT_NOTE
+from receptance.frf.data import PER_ENTRY, PER_LINE, WITHOUT_AXES
 from receptance.io.build import SI, ReadOptions, file_coherence
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
@@ -23,7 +23,7 @@ from receptance.model.coordinates import Coordinate, UnknownPosition
 from receptance.units import parse_unit
 
 ABOUT = "about"
-QUALITY = ("log_variance", "degrees_of_freedom", "correlated_lines", "usable")
+QUALITY = tuple(name for name in (*PER_ENTRY, *PER_LINE) if name not in ("frequency_hz", "values", "coherence"))
 """Fields of an FRF, beside its coherence, that are stored as arrays."""
 ARRAYS = ("frequency_hz", "values", "coherence", *QUALITY)
 _VERSION = 1
@@ -54,13 +54,10 @@ def about_text(measurement: Measurement, **more: int) -> str:
     """Return all fields but the arrays as JSON, with further numbers for a format."""
     about: dict[str, Any] = {"receptance": kind_of(measurement), "version": _VERSION, **more}
     if isinstance(measurement, FRF):
-        about["form"] = measurement.form
         about["unit"] = measurement.units
-        about["responses"] = [coordinate_to_list(coordinate) for coordinate in measurement.responses]
-        about["excitations"] = [coordinate_to_list(coordinate) for coordinate in measurement.excitations]
-        about["decay_rate"] = measurement.decay_rate
-        about["averages"] = measurement.averages
-        about["labels"] = measurement.labels
+        about |= {name: getattr(measurement, name) for name in WITHOUT_AXES}
+        for name in ("responses", "excitations"):
+            about[name] = [coordinate_to_list(coordinate) for coordinate in about[name]]
     elif isinstance(measurement, TimeSeries):
         about["channels"] = measurement.channels
         about["units"] = measurement.units
@@ -136,18 +133,9 @@ def _frf(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: 
     if values is None or values.dtype.kind not in "iufc":
         raise FileFormatError("there is no numeric array 'values'")
     values, turned = options.turned(_shaped("values", values, shape))
-    texts = _texts(about, without=DRIVE_POINT_NOTE)
+    stated = {name: about[name] for name in WITHOUT_AXES if name in about} | _texts(about) | sides
     frf = FRF(
-        frequency_hz=lines,
-        values=values,
-        form=about.get("form", ""),
-        responses=sides["responses"],
-        excitations=sides["excitations"],
-        decay_rate=about.get("decay_rate", 0.0),
-        averages=about.get("averages"),
-        labels=_labels(about),
-        **quality,
-        **{**texts, "notes": (*texts["notes"], *turned)},
+        **stated | quality | {"frequency_hz": lines, "values": values, "notes": (*stated["notes"], *turned)},
     )
     _check_options_agree(frf, options)
     if options.responses is None and options.excitations is None:
@@ -192,13 +180,12 @@ def _time_series(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], o
     )
 
 
-def _texts(about: Mapping[str, Any], *, without: str | None = None) -> dict[str, Any]:
-    """Return label, source and notes, without the notes with a prefix, which the constructor adds again."""
-    texts: dict[str, Any] = {name: str(about.get(name, "")) for name in ("label", "source")}
-    return texts | {
-        "notes": tuple(
-            str(note) for note in _list(about, "notes") if without is None or not str(note).startswith(without)
-        )
+def _texts(about: Mapping[str, Any]) -> dict[str, Any]:
+    """Return label, source and notes."""
+    return {
+        "label": str(about.get("label", "")),
+        "source": str(about.get("source", "")),
+        "notes": tuple(map(str, _list(about, "notes"))),
     }
 
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from receptance import _checks
 from receptance.errors import warn_user
 from receptance.frf import FRF
-from receptance.frf.validation import check_coherence, check_labels, check_lines, check_texts
+from receptance.frf.fields import check_coherence, check_labels, check_lines, check_texts
 from receptance.report import Column, Renderable, Table
 from receptance.units import channel_kind, parse_unit
 

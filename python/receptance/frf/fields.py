@@ -1,0 +1,348 @@
+"""Fields of an FRF: their declarations, and the checks of shapes, types and ranges that they name."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Generic, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from receptance import _checks
+from receptance.model.coordinates import Coordinate, Side, measured_coordinates
+from receptance.units import FORMS, Form
+
+_MAX_AVERAGES = 10**9
+_MAX_MAGNITUDE = 1e50
+"""Largest magnitude of a value in SI units: beyond any structure, and its fourth power is still finite."""
+_COHERENCE_ROUNDING = 1e-4
+"""Excess of a coherence over 1 (or below 0) that is attributed to rounding by the analyser or its file."""
+_REQUIRED: Any = object()
+
+Accepted = TypeVar("Accepted", contravariant=True)
+Stored = TypeVar("Stored", covariant=True)
+
+
+class Field(Generic[Accepted, Stored]):
+    """Declaration of a field: what is accepted, the check that returns what is stored, and its axes.
+
+    Checks are called in the order of the fields, so that a check may use the checked fields above its own. It returns
+    an array of its own, which becomes read-only. As a descriptor it states both types; the class keeps the default.
+
+    Parameters
+    ----------
+    check : callable
+        Of the FRF, the name of the field and the value; returns the value to store, or raises.
+    kind : str
+        Type of the argument, for the documentation.
+    doc : str
+        Meaning, unit and shape.
+    axes : {"", "lines", "entries"}, optional
+        Whether it is an array with a number for each line, or for each line and entry.
+    default : optional
+        Without it the field is required.
+    """
+
+    def __init__(
+        self,
+        check: Callable[[Any, str, Accepted], Stored],
+        kind: str,
+        doc: str,
+        *,
+        axes: Literal["", "lines", "entries"] = "",
+        default: Any = _REQUIRED,
+    ) -> None:
+        self.check, self.kind, self.doc, self.axes, self.default = check, kind, doc, axes, default
+
+    def __get__(self, frf: object | None, owner: type) -> Stored:
+        raise NotImplementedError
+
+    def __set__(self, frf: object, value: Accepted) -> None:
+        raise NotImplementedError
+
+    def documented(self, name: str) -> str:
+        """Return the entry of the section "Parameters" of a docstring."""
+        optional = "" if self.default is _REQUIRED else ", optional"
+        lines = textwrap.wrap(self.doc, 104, break_on_hyphens=False)
+        return "\n".join([f"    {name} : {self.kind}{optional}", *(" " * 8 + line for line in lines)])
+
+
+def declared_fields(kind: type) -> dict[str, Field[Any, Any]]:
+    """Return the fields that a class declares, of which it keeps the defaults."""
+    declared = {name: field for name, field in vars(kind).items() if isinstance(field, Field)}
+    for name, field in declared.items():
+        if field.default is _REQUIRED:
+            delattr(kind, name)
+        else:
+            setattr(kind, name, field.default)
+    return declared
+
+
+def store(frf: object, name: str, value: Any) -> None:
+    """Set a field of an FRF; an array becomes read-only."""
+    if isinstance(value, np.ndarray):
+        value = np.ascontiguousarray(value)
+        value.setflags(write=False)
+    object.__setattr__(frf, name, value)
+
+
+def owner_of(frf: Any) -> str:
+    """Return the name of an FRF in messages, also while its fields are set."""
+    return f"FRF {frf.label!r}" if frf.label else "FRF"
+
+
+# Checks of fields -----------------------------------------------------------------------------------------------------
+
+
+def text(frf: Any, name: str, value: str | None) -> str:
+    """Return a text."""
+    return "" if value is None else str(value)
+
+
+def texts(frf: Any, name: str, value: Iterable[str]) -> tuple[str, ...]:
+    """Return texts as a tuple."""
+    return check_texts(owner_of(frf), name, value)
+
+
+def lines(frf: Any, name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Return frequency lines."""
+    return check_lines(owner_of(frf), value)
+
+
+def form(frf: Any, name: str, value: Form) -> Form:
+    """Return the form."""
+    return check_form(owner_of(frf), value)
+
+
+def places(axis: int) -> Callable[[Any, str, Side], tuple[Coordinate, ...]]:
+    """Return the check of the coordinates of an axis of the values."""
+    return lambda frf, name, side: measured_coordinates(owner_of(frf), name, side, frf.values.shape[axis])
+
+
+def decay_rate(frf: Any, name: str, value: float) -> float:
+    """Return a decay rate of zero or more."""
+    return _checks.not_negative(owner_of(frf), name, value, unit="1/s")
+
+
+def averages(frf: Any, name: str, value: int | None) -> int | None:
+    """Return a number of averages."""
+    return None if value is None else average_count(owner_of(frf), value)
+
+
+def labels(
+    frf: Any, name: str, value: Sequence[Sequence[str]] | None
+) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+    """Return the names of responses and excitations."""
+    return check_labels(owner_of(frf), value, frf.values.shape[1:])
+
+
+def values(frf: Any, name: str, value: ArrayLike) -> NDArray[np.complex128]:
+    """Return values as complex `(n, n_responses, n_excitations)`; they may still be infinite or NaN."""
+    owner, frequency_hz = owner_of(frf), frf.frequency_hz
+    array = _checks.numbers(owner, name, value, "iufc", "complex numbers").astype(np.complex128, order="C")
+    n = frequency_hz.size
+    if array.shape == (n,):
+        array = array.reshape(n, 1, 1)
+    if array.ndim != 3 or array.shape[0] != n or 0 in array.shape:
+        raise ValueError(
+            f"{owner}: values has shape {array.shape} for {n} lines, expected ({n},) or ({n}, responses, excitations)"
+        )
+    size = np.maximum(np.abs(array.real), np.abs(array.imag))
+    excessive = np.argwhere(np.isfinite(size) & (size > _MAX_MAGNITUDE))
+    if excessive.size:
+        index = tuple(excessive[0])
+        raise ValueError(
+            f"{owner}: values at {frequency_hz[index[0]]:g} Hz is {array[index]:g}, expected at most "
+            f"{_MAX_MAGNITUDE:g} in SI units"
+        )
+    return array
+
+
+def coherence(frf: Any, name: str, value: ArrayLike | None) -> NDArray[np.float64] | None:
+    """Return a coherence, from 0 to 1 with a note where rounding was clipped."""
+    array = per_entry()(frf, name, value)
+    if array is None:
+        return None
+    array, note = check_coherence(owner_of(frf), array, frf.frequency_hz)
+    if note:
+        store(frf, "notes", (*frf.notes, note))
+    return array
+
+
+def per_entry(
+    *, at_least: float = -np.inf, above: float = -np.inf
+) -> Callable[[Any, str, ArrayLike | None], NDArray[np.float64] | None]:
+    """Return the check of real numbers: one, or one per line or entry, within limits.
+
+    Infinite values are allowed. NaN is checked by `without_undefined_zero_line`.
+    """
+
+    def check(frf: Any, name: str, value: ArrayLike | None) -> NDArray[np.float64] | None:
+        if value is None:
+            return None
+        owner, shape = owner_of(frf), frf.values.shape
+        array = _checks.numbers(owner, name, value, "iuf", "real numbers").astype(np.float64)
+        if array.shape not in ((), shape[:1], shape):
+            raise ValueError(f"{owner}: {name} has shape {array.shape}, expected one number, {shape[:1]} or {shape}")
+        if array.shape == shape[:1]:
+            array = array[:, None, None]
+        array = np.ascontiguousarray(np.broadcast_to(array, shape))
+        wrong = (array < at_least) | (array <= above) if above > -np.inf else array < at_least
+        if wrong.any():
+            index = tuple(int(axis[0]) for axis in np.nonzero(wrong))
+            limit = f"more than {above:g}" if above > -np.inf else f"at least {at_least:g}"
+            raise ValueError(f"{owner}: {name}{list(index)} is {array[index]:g}, expected {limit}")
+        return array
+
+    return check
+
+
+def correlated_lines(frf: Any, name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Return numbers of at least one for each line."""
+    return _checks.by_line(owner_of(frf), name, value, frf.frequency_hz.shape, least=1.0)
+
+
+def usable(frf: Any, name: str, value: ArrayLike | None) -> NDArray[np.bool_] | None:
+    """Return True or False for each line."""
+    if value is None:
+        return None
+    array = _checks.unmasked(owner_of(frf), name, value)
+    if array.dtype.kind != "b" or array.shape != frf.frequency_hz.shape:
+        raise ValueError(
+            f"{owner_of(frf)}: usable has dtype {array.dtype} and shape {array.shape}, "
+            f"expected True or False on each of {frf.frequency_hz.size} lines"
+        )
+    return array.copy()
+
+
+# Checks of values -----------------------------------------------------------------------------------------------------
+
+
+def check_form(owner: str, form: Any) -> Form:
+    """Return the form, or raise if it is not receptance, mobility or accelerance."""
+    for known in FORMS:
+        if form == known:
+            return known
+    kind = ValueError if isinstance(form, str) else TypeError
+    raise kind(f"{owner}: form is {form!r}, expected one of {', '.join(FORMS)}")
+
+
+def check_lines(owner: str, frequency_hz: ArrayLike) -> NDArray[np.float64]:
+    """Return frequency lines `(n,)`: real, finite, ascending, none below 0 Hz."""
+    array = _checks.numbers(
+        owner, "frequency_hz", frequency_hz, "iuf", "real numbers in Hz (complex lines follow from decay_rate)"
+    ).astype(np.float64)
+    if array.ndim != 1:
+        raise ValueError(f"{owner}: frequency_hz has shape {array.shape}, expected one dimension")
+    if not array.size:
+        raise ValueError(f"{owner}: frequency_hz is empty, expected at least one line")
+    bad = np.flatnonzero(~(np.isfinite(array) & (array >= 0.0)))
+    if bad.size:
+        raise ValueError(f"{owner}: frequency_hz[{bad[0]}] is {array[bad[0]]:g} Hz, expected a finite number from 0 on")
+    bad = np.flatnonzero(np.diff(array) <= 0.0)
+    if bad.size:
+        raise ValueError(
+            f"{owner}: frequency_hz is not ascending: line {bad[0] + 1} is {array[bad[0] + 1]:g} Hz after "
+            f"{array[bad[0]]:g} Hz; sort the lines and leave out repeated ones"
+        )
+    return array
+
+
+def check_coherence(
+    owner: str, coherence: NDArray[np.float64], frequency_hz: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], str]:
+    """Return coherence `(n, ...)` clipped to 0 to 1, and a note if rounding was clipped; NaN is kept.
+
+    A value below 0 or above 1 by more than rounding is a ValueError with the cause and the remedy.
+    """
+    wrong = (coherence < -_COHERENCE_ROUNDING) | (coherence > 1.0 + _COHERENCE_ROUNDING)
+    if wrong.any():
+        index = tuple(int(axis[0]) for axis in np.nonzero(wrong))
+        others = int(wrong.reshape(len(wrong), -1).any(axis=1).sum()) - 1
+        raise ValueError(
+            f"{owner}: the coherence at {frequency_hz[index[0]]:g} Hz is {coherence[index]:.4g}"
+            + (f" (and outside 0 to 1 on {others} more lines)" if others else "")
+            + f", expected 0 to 1; its median is {np.nanmedian(coherence):.2f}. Coherence is the share of the "
+            "response's power explained by the force. A value outside 0 to 1 means that the spectra do not "
+            "belong together (different averages or windows for force and response, an overwritten record, or another "
+            "quantity in this column), so the quality of this FRF is unknown. Measure or export it again, or use the "
+            "FRF without its coherence"
+        )
+    clipped = np.clip(coherence, 0.0, 1.0)
+    count = np.count_nonzero(clipped != coherence) - np.count_nonzero(np.isnan(coherence))
+    return clipped, f"coherence outside 0 to 1 by rounding on {count} lines: clipped" if count else ""
+
+
+def check_texts(owner: str, quantity: str, value: Iterable[str]) -> tuple[str, ...]:
+    """Return texts as a tuple; a single string, which would be split into letters, is refused."""
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        raise TypeError(f"{owner}: {quantity} is {value!r}, expected a sequence of texts")
+    texts = tuple(value)
+    for text in texts:
+        if not isinstance(text, str):
+            raise TypeError(f"{owner}: {quantity} holds {text!r}, expected texts")
+    return texts
+
+
+def check_labels(
+    owner: str, value: Sequence[Sequence[str]] | None, counts: tuple[int, int]
+) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+    """Return the names of responses and excitations as a pair of tuples."""
+    if value is None:
+        return None
+    sides = list(value) if isinstance(value, Iterable) and not isinstance(value, str) else []
+    if len(sides) != 2 or any(isinstance(side, str) or not isinstance(side, Iterable) for side in sides):
+        raise TypeError(
+            f"{owner}: labels is {value!r}, expected the names of the responses and those of the excitations"
+        )
+    pair = tuple(str(name) for name in sides[0]), tuple(str(name) for name in sides[1])
+    if (len(pair[0]), len(pair[1])) != counts:
+        raise ValueError(
+            f"{owner}: labels names {len(pair[0])} responses and {len(pair[1])} excitations, "
+            f"expected {counts[0]} and {counts[1]}"
+        )
+    return pair
+
+
+def average_count(owner: str, value: Any) -> int:
+    """Return the number of averages, or raise."""
+    try:
+        count = int(value.__index__())
+    except AttributeError:
+        raise TypeError(f"{owner}: averages is {value!r}, expected a whole number") from None
+    if not 1 <= count <= _MAX_AVERAGES or isinstance(value, bool):
+        raise ValueError(f"{owner}: averages is {value!r}, expected a whole number from 1 to {_MAX_AVERAGES}")
+    return count
+
+
+def without_undefined_zero_line(frf: Any, names: Iterable[str]) -> None:
+    """Drop the line at 0 Hz of an FRF if one of the named arrays is not finite there; raise if it is not elsewhere.
+
+    At 0 Hz the receptance of a free structure is infinite, and the coherence of AC-coupled sensors is 0 / 0.
+    """
+    owner, frequency_hz = owner_of(frf), frf.frequency_hz
+    undefined = []
+    for name in names:
+        array = getattr(frf, name)
+        if array is None:
+            continue
+        bad = ~np.isfinite(array) if name == "values" else np.isnan(array)
+        rows = np.flatnonzero(bad.any(axis=(1, 2)))
+        elsewhere = rows[frequency_hz[rows] > 0.0]
+        if elsewhere.size:
+            value = array[elsewhere[0]][bad[elsewhere[0]]][0]
+            raise ValueError(
+                f"{owner}: {name} at {frequency_hz[elsewhere[0]]:g} Hz is {value}, expected a finite number; "
+                "leave the line out"
+            )
+        undefined += [name] * bool(rows.size)
+    if not undefined:
+        return
+    if frequency_hz.size == 1:
+        raise ValueError(f"{owner}: the only line is at 0 Hz and not finite")
+    for name, array in list(frf.__dict__.items()):
+        if isinstance(array, np.ndarray):
+            store(frf, name, array[1:])
+    note = f"the line at 0 Hz is dropped: {' and '.join(undefined)} not finite there"
+    store(frf, "notes", (*frf.notes, note))
