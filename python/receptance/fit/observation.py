@@ -17,12 +17,11 @@ from receptance.errors import ReceptanceWarning
 from receptance.fit.parameters import FACTORS, Site
 from receptance.fit.weights import Floor, Noise, as_floor, low_frequency_notes
 from receptance.frf import FRF
-from receptance.frf.fields import check_form
 from receptance.frf.frf import with_variance
 from receptance.frf.variance import unused_coherence
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate, UnknownPosition
-from receptance.units import Form
+from receptance.units import FORMS, Form
 
 Unit = Literal["standard deviations", "percent", "logarithm", "relative"]
 """Meaning of a residual of 1: one logarithm is a factor of e, one relative is twice a natural frequency."""
@@ -161,6 +160,7 @@ class Observation:
         form: Form = "receptance",
     ) -> None:
         owner = _owner(label)
+        _checks.one_of(owner, "form", form, FORMS)
         lines = _checks.numbers(owner, "frequency_hz", frequency_hz, "iufc", "real or complex numbers in Hz")
         if lines.ndim != 1:
             raise ValueError(f"{owner}: frequency_hz has shape {lines.shape}, expected one dimension")
@@ -209,7 +209,7 @@ class Observation:
                 "stated_notes": notes,
                 "configuration": str(configuration or label),
                 "ends": None if ends is None else _checks.positive(owner, "ends", ends),
-                "form": check_form(owner, form),
+                "form": form,
             },
         )
 

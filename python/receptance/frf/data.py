@@ -4,41 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from receptance import _checks
 from receptance.frf import fields
-from receptance.frf.fields import Field, store, without_undefined_zero_line
+from receptance.frf.fields import Field, Labelled, without_undefined_zero_line
 from receptance.model.coordinates import Coordinate, Side
 from receptance.units import Form, FRFKind, frf_unit
 
 
-class _Declaring:
-    """Base that makes declarations of fields defaults, before `dataclass` reads them, and documents them."""
-
-    declared: ClassVar[dict[str, Field[Any, Any]]] = {}
-    """Fields by name, in their order."""
-
-    def __init_subclass__(cls) -> None:
-        cls.declared = cls.declared | fields.declared_fields(cls)
-        entries = "\n".join(field.documented(name) for name, field in cls.declared.items())
-        cls.__doc__ = (cls.__doc__ or "").replace("    {fields}", entries)
+def _coherence(frf: Any, name: str, value: ArrayLike | None) -> NDArray[np.float64] | None:
+    array = fields.per_entry()(frf, name, value)
+    return None if array is None else fields.coherence(frf, array)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class FRFData(_Declaring):
+class FRFData(Labelled):
     """Fields of an `FRF`, whose docstring lists them; a check may use the fields above its own."""
 
-    label: Field[str, str] = Field(fields.text, "str", "Free-text label.", default="")
-    source: Field[str, str] = Field(fields.text, "str", "File and reader, or origin of the FRF.", default="")
-    notes: Field[Sequence[str], tuple[str, ...]] = Field(
-        fields.texts,
-        "sequence of str",
-        "Notes for the user: changes to the data, doubts. Those on the form are in `contradictions`.",
-        default=(),
-    )
     frequency_hz: Field[ArrayLike, NDArray[np.float64]] = Field(
         fields.lines,
         "array_like",
@@ -72,16 +58,21 @@ class FRFData(_Declaring):
         default=None,
     )
     decay_rate: Field[float, float] = Field(
-        fields.decay_rate,
+        lambda frf, name, value: _checks.not_negative(frf.owner, name, value, unit="1/s"),
         "float",
         "sigma in 1/s of an exponential window exp(-sigma t) on force and response; the values are then those at the "
         "complex frequencies w - i sigma.",
         default=0.0,
     )
     coherence: Field[ArrayLike | None, NDArray[np.float64] | None] = Field(
-        fields.coherence, "array_like", "From 0 to 1, shaped as `values` or `(n,)`.", axes="entries", default=None
+        _coherence, "array_like", "From 0 to 1, shaped as `values` or `(n,)`.", axes="entries", default=None
     )
-    averages: Field[int | None, int | None] = Field(fields.averages, "int", "Number of averages.", default=None)
+    averages: Field[int | None, int | None] = Field(
+        lambda frf, name, value: None if value is None else fields.average_count(frf.owner, value),
+        "int",
+        "Number of averages.",
+        default=None,
+    )
     log_variance: Field[ArrayLike | None, NDArray[np.float64] | None] = Field(
         fields.per_entry(at_least=0.0),
         "array_like",
@@ -98,7 +89,7 @@ class FRFData(_Declaring):
         default=None,
     )
     correlated_lines: Field[ArrayLike, NDArray[np.float64]] = Field(
-        fields.correlated_lines,
+        lambda frf, name, value: _checks.by_line(frf.owner, name, value, frf.frequency_hz.shape, least=1.0),
         "array_like",
         "Number of neighbouring lines per independent value (exponential windows and zero padding correlate lines), "
         "one number or `(n,)`.",
@@ -116,8 +107,7 @@ class FRFData(_Declaring):
     )
 
     def __post_init__(self) -> None:
-        for name, field in self.declared.items():
-            store(self, name, field.check(self, name, getattr(self, name)))
+        super().__post_init__()
         without_undefined_zero_line(self, PER_ENTRY)
 
     @property
@@ -182,4 +172,4 @@ def _with_axes(axes: str) -> tuple[str, ...]:
 
 
 PER_LINE, PER_ENTRY, WITHOUT_AXES = _with_axes("lines"), _with_axes("entries"), _with_axes("")
-"""Names of the arrays with a number for each line, of those with one for each line and entry, and of the other fields."""
+"""Names of the arrays by line, of those by line and entry, and of the other fields."""

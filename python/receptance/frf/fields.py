@@ -1,10 +1,11 @@
-"""Fields of an FRF: their declarations, and the checks of shapes, types and ranges that they name."""
+"""Fields of measurements: their declarations, and the checks of shapes, types and ranges that they name."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Generic, Literal, TypeVar
+from dataclasses import dataclass
+from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,13 +28,12 @@ Stored = TypeVar("Stored", covariant=True)
 class Field(Generic[Accepted, Stored]):
     """Declaration of a field: what is accepted, the check that returns what is stored, and its axes.
 
-    Checks are called in the order of the fields, so that a check may use the checked fields above its own. It returns
-    an array of its own, which becomes read-only. As a descriptor it states both types; the class keeps the default.
+    As a descriptor it states both types; the class keeps the default alone.
 
     Parameters
     ----------
     check : callable
-        Of the FRF, the name of the field and the value; returns the value to store, or raises.
+        Of the measurement, the name of the field and the value; returns the value to store, an array of its own.
     kind : str
         Type of the argument, for the documentation.
     doc : str
@@ -55,10 +55,10 @@ class Field(Generic[Accepted, Stored]):
     ) -> None:
         self.check, self.kind, self.doc, self.axes, self.default = check, kind, doc, axes, default
 
-    def __get__(self, frf: object | None, owner: type) -> Stored:
+    def __get__(self, item: object | None, owner: type) -> Stored:
         raise NotImplementedError
 
-    def __set__(self, frf: object, value: Accepted) -> None:
+    def __set__(self, item: object, value: Accepted) -> None:
         raise NotImplementedError
 
     def documented(self, name: str) -> str:
@@ -68,78 +68,101 @@ class Field(Generic[Accepted, Stored]):
         return "\n".join([f"    {name} : {self.kind}{optional}", *(" " * 8 + line for line in lines)])
 
 
-def declared_fields(kind: type) -> dict[str, Field[Any, Any]]:
-    """Return the fields that a class declares, of which it keeps the defaults."""
-    declared = {name: field for name, field in vars(kind).items() if isinstance(field, Field)}
-    for name, field in declared.items():
-        if field.default is _REQUIRED:
-            delattr(kind, name)
-        else:
-            setattr(kind, name, field.default)
-    return declared
+class CoherenceError(ValueError):
+    """A coherence that is not one; without it the measurement may be valid."""
 
 
-def store(frf: object, name: str, value: Any) -> None:
-    """Set a field of an FRF; an array becomes read-only."""
+class Declared:
+    """Base of dataclasses of declared fields, which are checked in their order at construction."""
+
+    declared: ClassVar[dict[str, Field[Any, Any]]] = {}
+    """Fields by name, in their order."""
+
+    def __init_subclass__(cls) -> None:
+        fields = {name: field for name, field in vars(cls).items() if isinstance(field, Field)}
+        for name, field in fields.items():
+            if field.default is _REQUIRED:
+                delattr(cls, name)
+            else:
+                setattr(cls, name, field.default)
+        cls.declared = cls.declared | fields
+        entries = "\n".join(field.documented(name) for name, field in cls.declared.items())
+        cls.__doc__ = (cls.__doc__ or "").replace("    {fields}", entries)
+
+    def __post_init__(self) -> None:
+        for name, field in self.declared.items():
+            store(self, name, field.check(self, name, getattr(self, name)))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            store(self, name, value)
+
+
+def store(item: object, name: str, value: Any) -> None:
+    """Set a field of a measurement; an array becomes read-only."""
     if isinstance(value, np.ndarray):
         value = np.ascontiguousarray(value)
         value.setflags(write=False)
-    object.__setattr__(frf, name, value)
+    object.__setattr__(item, name, value)
 
 
-def owner_of(frf: Any) -> str:
-    """Return the name of an FRF in messages, also while its fields are set."""
-    return f"FRF {frf.label!r}" if frf.label else "FRF"
-
-
-# Checks of fields -----------------------------------------------------------------------------------------------------
-
-
-def text(frf: Any, name: str, value: str | None) -> str:
+def text(item: Any, name: str, value: str | None) -> str:
     """Return a text."""
     return "" if value is None else str(value)
 
 
-def texts(frf: Any, name: str, value: Iterable[str]) -> tuple[str, ...]:
-    """Return texts as a tuple."""
-    return check_texts(owner_of(frf), name, value)
+def texts(item: Any, name: str, value: Iterable[str]) -> tuple[str, ...]:
+    """Return texts as a tuple; a single string, which would be split into letters, is refused."""
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        raise TypeError(f"{item.owner}: {name} is {value!r}, expected a sequence of texts")
+    several = tuple(value)
+    for text in several:
+        if not isinstance(text, str):
+            raise TypeError(f"{item.owner}: {name} holds {text!r}, expected texts")
+    return several
 
 
-def lines(frf: Any, name: str, value: ArrayLike) -> NDArray[np.float64]:
-    """Return frequency lines."""
-    return check_lines(owner_of(frf), value)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Labelled(Declared):
+    """Fields of every measurement."""
+
+    label: Field[str, str] = Field(text, "str", "Free-text label.", default="")
+    source: Field[str, str] = Field(text, "str", "File and reader, or origin.", default="")
+    notes: Field[Sequence[str], tuple[str, ...]] = Field(
+        texts, "sequence of str", "Notes for the user: changes to the data, doubts.", default=()
+    )
+
+    @property
+    def owner(self) -> str:
+        """Class and label, for messages; also while fields are checked."""
+        return f"{type(self).__name__} {self.label!r}" if self.label else type(self).__name__
 
 
-def form(frf: Any, name: str, value: Form) -> Form:
-    """Return the form."""
-    return check_form(owner_of(frf), value)
+def lines(item: Any, name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Return frequency lines `(n,)`: real, finite, ascending, none below 0 Hz."""
+    owner = item.owner
+    array = _checks.numbers(
+        owner, name, value, "iuf", "real numbers in Hz (complex lines follow from decay_rate)"
+    ).astype(np.float64)
+    if array.ndim != 1:
+        raise ValueError(f"{owner}: frequency_hz has shape {array.shape}, expected one dimension")
+    if not array.size:
+        raise ValueError(f"{owner}: frequency_hz is empty, expected at least one line")
+    bad = np.flatnonzero(~(np.isfinite(array) & (array >= 0.0)))
+    if bad.size:
+        raise ValueError(f"{owner}: frequency_hz[{bad[0]}] is {array[bad[0]]:g} Hz, expected a finite number from 0 on")
+    bad = np.flatnonzero(np.diff(array) <= 0.0)
+    if bad.size:
+        raise ValueError(
+            f"{owner}: frequency_hz is not ascending: line {bad[0] + 1} is {array[bad[0] + 1]:g} Hz after "
+            f"{array[bad[0]]:g} Hz; sort the lines and leave out repeated ones"
+        )
+    return array
 
 
-def places(axis: int) -> Callable[[Any, str, Side], tuple[Coordinate, ...]]:
-    """Return the check of the coordinates of an axis of the values."""
-    return lambda frf, name, side: measured_coordinates(owner_of(frf), name, side, frf.values.shape[axis])
-
-
-def decay_rate(frf: Any, name: str, value: float) -> float:
-    """Return a decay rate of zero or more."""
-    return _checks.not_negative(owner_of(frf), name, value, unit="1/s")
-
-
-def averages(frf: Any, name: str, value: int | None) -> int | None:
-    """Return a number of averages."""
-    return None if value is None else average_count(owner_of(frf), value)
-
-
-def labels(
-    frf: Any, name: str, value: Sequence[Sequence[str]] | None
-) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
-    """Return the names of responses and excitations."""
-    return check_labels(owner_of(frf), value, frf.values.shape[1:])
-
-
-def values(frf: Any, name: str, value: ArrayLike) -> NDArray[np.complex128]:
+def values(item: Any, name: str, value: ArrayLike) -> NDArray[np.complex128]:
     """Return values as complex `(n, n_responses, n_excitations)`; they may still be infinite or NaN."""
-    owner, frequency_hz = owner_of(frf), frf.frequency_hz
+    owner, frequency_hz = item.owner, item.frequency_hz
     array = _checks.numbers(owner, name, value, "iufc", "complex numbers").astype(np.complex128, order="C")
     n = frequency_hz.size
     if array.shape == (n,):
@@ -159,15 +182,40 @@ def values(frf: Any, name: str, value: ArrayLike) -> NDArray[np.complex128]:
     return array
 
 
-def coherence(frf: Any, name: str, value: ArrayLike | None) -> NDArray[np.float64] | None:
-    """Return a coherence, from 0 to 1 with a note where rounding was clipped."""
-    array = per_entry()(frf, name, value)
-    if array is None:
-        return None
-    array, note = check_coherence(owner_of(frf), array, frf.frequency_hz)
-    if note:
-        store(frf, "notes", (*frf.notes, note))
-    return array
+def form(item: Any, name: str, value: Form) -> Form:
+    """Return the form of an FRF."""
+    _checks.one_of(item.owner, name, value, FORMS)
+    return value
+
+
+def places(axis: int) -> Callable[[Any, str, Side], tuple[Coordinate, ...]]:
+    """Return the check of the coordinates of an axis of the values."""
+    return lambda item, name, side: measured_coordinates(item.owner, name, side, item.values.shape[axis])
+
+
+def coherence(item: Any, array: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a coherence by line and entry, clipped to 0 to 1 with a note where it is outside by rounding; NaN is kept.
+
+    A value below 0 or above 1 by more than rounding is a CoherenceError with the cause and the remedy.
+    """
+    wrong = (array < -_COHERENCE_ROUNDING) | (array > 1.0 + _COHERENCE_ROUNDING)
+    if wrong.any():
+        index = tuple(int(axis[0]) for axis in np.nonzero(wrong))
+        others = int(wrong.any(axis=(1, 2)).sum()) - 1
+        raise CoherenceError(
+            f"{item.owner}: the coherence at {item.frequency_hz[index[0]]:g} Hz is {array[index]:.4g}"
+            + (f" (and outside 0 to 1 on {others} more lines)" if others else "")
+            + f", expected 0 to 1; its median is {np.nanmedian(array):.2f}. Coherence is the share of the "
+            "response's power explained by the force. A value outside 0 to 1 means that the spectra do not "
+            "belong together (different averages or windows for force and response, an overwritten record, or another "
+            "quantity in this column), so the quality of this FRF is unknown. Measure or export it again, or use the "
+            "FRF without its coherence"
+        )
+    clipped = np.clip(array, 0.0, 1.0)
+    count = np.count_nonzero(clipped != array) - np.count_nonzero(np.isnan(array))
+    if count:
+        store(item, "notes", (*item.notes, f"coherence outside 0 to 1 by rounding on {count} lines: clipped"))
+    return clipped
 
 
 def per_entry(
@@ -178,10 +226,10 @@ def per_entry(
     Infinite values are allowed. NaN is checked by `without_undefined_zero_line`.
     """
 
-    def check(frf: Any, name: str, value: ArrayLike | None) -> NDArray[np.float64] | None:
+    def check(item: Any, name: str, value: ArrayLike | None) -> NDArray[np.float64] | None:
         if value is None:
             return None
-        owner, shape = owner_of(frf), frf.values.shape
+        owner, shape = item.owner, item.values.shape
         array = _checks.numbers(owner, name, value, "iuf", "real numbers").astype(np.float64)
         if array.shape not in ((), shape[:1], shape):
             raise ValueError(f"{owner}: {name} has shape {array.shape}, expected one number, {shape[:1]} or {shape}")
@@ -198,99 +246,26 @@ def per_entry(
     return check
 
 
-def correlated_lines(frf: Any, name: str, value: ArrayLike) -> NDArray[np.float64]:
-    """Return numbers of at least one for each line."""
-    return _checks.by_line(owner_of(frf), name, value, frf.frequency_hz.shape, least=1.0)
-
-
-def usable(frf: Any, name: str, value: ArrayLike | None) -> NDArray[np.bool_] | None:
+def usable(item: Any, name: str, value: ArrayLike | None) -> NDArray[np.bool_] | None:
     """Return True or False for each line."""
     if value is None:
         return None
-    array = _checks.unmasked(owner_of(frf), name, value)
-    if array.dtype.kind != "b" or array.shape != frf.frequency_hz.shape:
+    array = _checks.unmasked(item.owner, name, value)
+    if array.dtype.kind != "b" or array.shape != item.frequency_hz.shape:
         raise ValueError(
-            f"{owner_of(frf)}: usable has dtype {array.dtype} and shape {array.shape}, "
-            f"expected True or False on each of {frf.frequency_hz.size} lines"
+            f"{item.owner}: usable has dtype {array.dtype} and shape {array.shape}, "
+            f"expected True or False on each of {item.frequency_hz.size} lines"
         )
     return array.copy()
 
 
-# Checks of values -----------------------------------------------------------------------------------------------------
-
-
-def check_form(owner: str, form: Any) -> Form:
-    """Return the form, or raise if it is not receptance, mobility or accelerance."""
-    for known in FORMS:
-        if form == known:
-            return known
-    kind = ValueError if isinstance(form, str) else TypeError
-    raise kind(f"{owner}: form is {form!r}, expected one of {', '.join(FORMS)}")
-
-
-def check_lines(owner: str, frequency_hz: ArrayLike) -> NDArray[np.float64]:
-    """Return frequency lines `(n,)`: real, finite, ascending, none below 0 Hz."""
-    array = _checks.numbers(
-        owner, "frequency_hz", frequency_hz, "iuf", "real numbers in Hz (complex lines follow from decay_rate)"
-    ).astype(np.float64)
-    if array.ndim != 1:
-        raise ValueError(f"{owner}: frequency_hz has shape {array.shape}, expected one dimension")
-    if not array.size:
-        raise ValueError(f"{owner}: frequency_hz is empty, expected at least one line")
-    bad = np.flatnonzero(~(np.isfinite(array) & (array >= 0.0)))
-    if bad.size:
-        raise ValueError(f"{owner}: frequency_hz[{bad[0]}] is {array[bad[0]]:g} Hz, expected a finite number from 0 on")
-    bad = np.flatnonzero(np.diff(array) <= 0.0)
-    if bad.size:
-        raise ValueError(
-            f"{owner}: frequency_hz is not ascending: line {bad[0] + 1} is {array[bad[0] + 1]:g} Hz after "
-            f"{array[bad[0]]:g} Hz; sort the lines and leave out repeated ones"
-        )
-    return array
-
-
-def check_coherence(
-    owner: str, coherence: NDArray[np.float64], frequency_hz: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], str]:
-    """Return coherence `(n, ...)` clipped to 0 to 1, and a note if rounding was clipped; NaN is kept.
-
-    A value below 0 or above 1 by more than rounding is a ValueError with the cause and the remedy.
-    """
-    wrong = (coherence < -_COHERENCE_ROUNDING) | (coherence > 1.0 + _COHERENCE_ROUNDING)
-    if wrong.any():
-        index = tuple(int(axis[0]) for axis in np.nonzero(wrong))
-        others = int(wrong.reshape(len(wrong), -1).any(axis=1).sum()) - 1
-        raise ValueError(
-            f"{owner}: the coherence at {frequency_hz[index[0]]:g} Hz is {coherence[index]:.4g}"
-            + (f" (and outside 0 to 1 on {others} more lines)" if others else "")
-            + f", expected 0 to 1; its median is {np.nanmedian(coherence):.2f}. Coherence is the share of the "
-            "response's power explained by the force. A value outside 0 to 1 means that the spectra do not "
-            "belong together (different averages or windows for force and response, an overwritten record, or another "
-            "quantity in this column), so the quality of this FRF is unknown. Measure or export it again, or use the "
-            "FRF without its coherence"
-        )
-    clipped = np.clip(coherence, 0.0, 1.0)
-    count = np.count_nonzero(clipped != coherence) - np.count_nonzero(np.isnan(coherence))
-    return clipped, f"coherence outside 0 to 1 by rounding on {count} lines: clipped" if count else ""
-
-
-def check_texts(owner: str, quantity: str, value: Iterable[str]) -> tuple[str, ...]:
-    """Return texts as a tuple; a single string, which would be split into letters, is refused."""
-    if isinstance(value, str) or not isinstance(value, Iterable):
-        raise TypeError(f"{owner}: {quantity} is {value!r}, expected a sequence of texts")
-    texts = tuple(value)
-    for text in texts:
-        if not isinstance(text, str):
-            raise TypeError(f"{owner}: {quantity} holds {text!r}, expected texts")
-    return texts
-
-
-def check_labels(
-    owner: str, value: Sequence[Sequence[str]] | None, counts: tuple[int, int]
+def labels(
+    item: Any, name: str, value: Sequence[Sequence[str]] | None
 ) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
     """Return the names of responses and excitations as a pair of tuples."""
     if value is None:
         return None
+    owner, counts = item.owner, item.values.shape[1:]
     sides = list(value) if isinstance(value, Iterable) and not isinstance(value, str) else []
     if len(sides) != 2 or any(isinstance(side, str) or not isinstance(side, Iterable) for side in sides):
         raise TypeError(
@@ -321,7 +296,7 @@ def without_undefined_zero_line(frf: Any, names: Iterable[str]) -> None:
 
     At 0 Hz the receptance of a free structure is infinite, and the coherence of AC-coupled sensors is 0 / 0.
     """
-    owner, frequency_hz = owner_of(frf), frf.frequency_hz
+    owner, frequency_hz = frf.owner, frf.frequency_hz
     undefined = []
     for name in names:
         array = getattr(frf, name)

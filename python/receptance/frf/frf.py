@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
+from receptance.frf import fields
 from receptance.frf.data import PER_ENTRY, PER_LINE, FRFData, band_text
-from receptance.frf.fields import check_form, check_lines, store, without_undefined_zero_line
+from receptance.frf.fields import store, without_undefined_zero_line
 from receptance.frf.interchange import Order, dataset, fields_from_pandas, fields_from_xarray, frame, ordered, reordered
 from receptance.frf.plausibility import drive_point_notes
 from receptance.frf.resampling import resample
@@ -106,7 +107,7 @@ class FRF(FRFData, Renderable):
         >>> mass.to("receptance").notes
         ('the line at 0 Hz is dropped: the displacement does not follow from the acceleration there',)
         """
-        new = check_form(repr(self), form)
+        new = fields.form(self, "form", form)
         if new == self.form:
             return self
         source, notes = self, self.notes
@@ -194,7 +195,7 @@ class FRF(FRFData, Renderable):
         >>> frf.resample([15.0, 30.0]).values.ravel().real
         array([3.5, 2. ])
         """
-        changes, warning = resample(self, check_lines(repr(self), frequency_hz))
+        changes, warning = resample(self, fields.lines(self, "frequency_hz", frequency_hz))
         if warning:
             warnings.warn(f"{self!r}: {warning}", ReceptanceWarning, stacklevel=2)
         return self._copy(**changes)
@@ -467,10 +468,6 @@ class FRF(FRFData, Renderable):
         if not _PHYSICAL.isdisjoint(changes):
             copy._warn_of_contradictions(stacklevel=3)
         return copy
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        for name, value in state.items():
-            store(self, name, value)
 
     def _copy(self, **changes: Any) -> Self:
         """Return a copy with some fields replaced that need no check."""

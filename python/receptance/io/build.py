@@ -13,7 +13,7 @@ from receptance import _checks
 from receptance._reading import ReadingOptions
 from receptance.errors import warn_user
 from receptance.frf import FRF
-from receptance.frf.fields import check_coherence
+from receptance.frf.fields import CoherenceError
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Measurement
 from receptance.model.coordinates import Coordinate, as_coordinates
@@ -250,8 +250,6 @@ def make_frf(
     if coherence is not None and options.ignore_coherence:
         coherence = None
         notes.append("the coherence in the file was ignored on request")
-    if coherence is not None:
-        coherence = file_coherence(frequency_hz, coherence)
     for name, given, side in (
         ("responses", options.responses, directions[0]),
         ("excitations", options.excitations, directions[1]),
@@ -277,16 +275,11 @@ def make(kind: type[_Measurement], **fields: Any) -> _Measurement:
     """Return a measurement of a class, with a FileFormatError where its fields are invalid."""
     try:
         return kind(**fields)
+    except CoherenceError as error:
+        option = ": ignore_coherence=True (on the command line --ignore-coherence)" if kind is FRF else ""
+        raise FileFormatError(f"{error}{option}") from None
     except (TypeError, ValueError) as error:
         raise FileFormatError(str(error)) from None
-
-
-def file_coherence(frequency_hz: NDArray[np.float64], coherence: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the coherence `(n, ...)` of an FRF in a file; the error names the option that ignores it."""
-    try:
-        return check_coherence("FRF", coherence, frequency_hz)[0]
-    except ValueError as error:
-        raise FileFormatError(f"{error}: ignore_coherence=True (on the command line --ignore-coherence)") from None
 
 
 def complex_values(real_part: NDArray[Any], imaginary: NDArray[Any]) -> NDArray[np.complex128]:

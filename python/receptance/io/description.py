@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.frf.data import PER_ENTRY, PER_LINE, WITHOUT_AXES
-from receptance.io.build import SI, ReadOptions, file_coherence
+from receptance.io.build import SI, ReadOptions, make
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
 from receptance.model.coordinates import Coordinate, UnknownPosition
@@ -127,14 +127,15 @@ def _frf(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: 
             quality[name] = array.ravel() if name in ("usable", "correlated_lines") else _shaped(name, array, shape)
     if "usable" in quality:
         quality["usable"] = quality["usable"].astype(np.bool_)
-    if "coherence" in quality:
-        quality["coherence"] = None if options.ignore_coherence else file_coherence(lines, quality["coherence"])
+    if options.ignore_coherence:
+        quality.pop("coherence", None)
     values = arrays.get("values")
     if values is None or values.dtype.kind not in "iufc":
         raise FileFormatError("there is no numeric array 'values'")
     values, turned = options.turned(_shaped("values", values, shape))
     stated = {name: about[name] for name in WITHOUT_AXES if name in about} | _texts(about) | sides
-    frf = FRF(
+    frf = make(
+        FRF,
         **stated | quality | {"frequency_hz": lines, "values": values, "notes": (*stated["notes"], *turned)},
     )
     _check_options_agree(frf, options)
