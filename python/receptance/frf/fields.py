@@ -19,7 +19,6 @@ _MAX_MAGNITUDE = 1e50
 """Largest magnitude of a value in SI units: beyond any structure, and its fourth power is still finite."""
 _COHERENCE_ROUNDING = 1e-4
 """Excess of a coherence over 1 (or below 0) that is attributed to rounding by the analyser or its file."""
-_REQUIRED: Any = object()
 
 Accepted = TypeVar("Accepted", contravariant=True)
 Stored = TypeVar("Stored", covariant=True)
@@ -38,8 +37,8 @@ class Field(Generic[Accepted, Stored]):
         Type of the argument, for the documentation.
     doc : str
         Meaning, unit and shape.
-    axes : {"", "lines", "entries"}, optional
-        Whether it is an array with a number for each line, or for each line and entry.
+    axes : {"", "lines", "entries", "samples"}, optional
+        Whether it is an array with a number for each line, for each line and entry, or for each sample and channel.
     default : optional
         Without it the field is required.
     """
@@ -50,8 +49,8 @@ class Field(Generic[Accepted, Stored]):
         kind: str,
         doc: str,
         *,
-        axes: Literal["", "lines", "entries"] = "",
-        default: Any = _REQUIRED,
+        axes: Literal["", "lines", "entries", "samples"] = "",
+        default: Any = ...,
     ) -> None:
         self.check, self.kind, self.doc, self.axes, self.default = check, kind, doc, axes, default
 
@@ -63,7 +62,7 @@ class Field(Generic[Accepted, Stored]):
 
     def documented(self, name: str) -> str:
         """Return the entry of the section "Parameters" of a docstring."""
-        optional = "" if self.default is _REQUIRED else ", optional"
+        optional = "" if self.default is ... else ", optional"
         lines = textwrap.wrap(self.doc, 104, break_on_hyphens=False)
         return "\n".join([f"    {name} : {self.kind}{optional}", *(" " * 8 + line for line in lines)])
 
@@ -81,7 +80,7 @@ class Declared:
     def __init_subclass__(cls) -> None:
         fields = {name: field for name, field in vars(cls).items() if isinstance(field, Field)}
         for name, field in fields.items():
-            if field.default is _REQUIRED:
+            if field.default is ...:
                 delattr(cls, name)
             else:
                 setattr(cls, name, field.default)

@@ -22,6 +22,7 @@ from receptance.io.column_names import (
     QUALITY_NAMES,
     TableColumn,
     column_unit,
+    is_unit,
     named_column,
     parse_column,
     with_complex_parts,
@@ -41,7 +42,6 @@ from receptance.io.text import (
     parse_lines,
     truncation_notes,
 )
-from receptance.units import UnitError
 
 MARK = "# receptance: "
 """Beginning of the line with the fields of a measurement that columns do not hold."""
@@ -227,12 +227,7 @@ def _are_units(columns: Sequence[TableColumn], fields: Sequence[str], delimiter:
     texts = [field.strip("[]() \t") for field in fields]
     first = next((index for index, column in enumerate(columns) if column.role in AXES), None)
     decisive = [texts[first]] if first is not None and texts[first] else [text for text in texts if text]
-    if not decisive or any(_is_number(text, delimiter) for text in decisive):
-        return False
-    try:
-        return all(column_unit(text) for text in decisive)
-    except UnitError:
-        return False
+    return bool(decisive) and all(is_unit(text) and not _is_number(text, delimiter) for text in decisive)
 
 
 def _with_units(
@@ -254,10 +249,9 @@ def _with_units(
 
 
 def _same_unit(first: str, second: str) -> bool:
-    try:
+    if is_unit(first) and is_unit(second):
         return column_unit(first) == column_unit(second)
-    except UnitError:
-        return first == second
+    return first == second
 
 
 def _layout(lines: Sequence[tuple[int, str]], options: ReadOptions) -> tuple[int, str]:

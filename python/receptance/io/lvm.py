@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 
 from receptance.errors import warn_user
 from receptance.io.build import ReadOptions
-from receptance.io.column_names import LONGEST_NAME, TableColumn, column_unit, named_column
+from receptance.io.column_names import LONGEST_NAME, TableColumn, is_unit, named_column
 from receptance.io.errors import FileFormatError, check_time
 from receptance.io.measurements import Measurement
 from receptance.io.tables import NumberTable, measurements_in
 from receptance.io.text import decode, excerpt, number, numbered_lines, parse_lines, truncation_notes
-from receptance.units import UnitError
 
 _FIRST_LINE = "LabVIEW Measurement"
 _END_OF_HEADER = "***End_of_Header***"
@@ -300,17 +299,9 @@ def _column(name: str, label: str, role: str) -> TableColumn:
         raise FileFormatError(
             f"a channel has a name and a unit of {len(name) + len(label)} characters, expected short ones"
         )
-    unit = label.lower() if not _is_unit(label) and _is_unit(label.lower()) else label
+    unit = label.lower() if not is_unit(label) and is_unit(label.lower()) else label
     column = named_column(name, unit)
     return replace(column, role="channel") if role == "time" else column
-
-
-def _is_unit(text: str) -> bool:
-    try:
-        column_unit(text)
-    except UnitError:
-        return False
-    return True
 
 
 def _with_axis(table: NumberTable, role: str, axis: NDArray[Any]) -> NumberTable:

@@ -60,9 +60,11 @@ class Coherence(Labelled, Renderable):
     plotted_by = "receptance.io.figure:draw_coherence"
     drawn_in_notebooks = True
 
-    frequency_hz: Field[ArrayLike, NDArray[np.float64]] = Field(fields.lines, "array_like", "`(n,)` lines in Hz.")
+    frequency_hz: Field[ArrayLike, NDArray[np.float64]] = Field(
+        fields.lines, "array_like", "`(n,)` lines in Hz.", axes="lines"
+    )
     values: Field[ArrayLike, NDArray[np.float64]] = Field(
-        _coherences, "array_like", "`(n,)` or `(n, n_responses, n_excitations)`, from 0 to 1."
+        _coherences, "array_like", "`(n,)` or `(n, n_responses, n_excitations)`, from 0 to 1.", axes="entries"
     )
     labels: Field[Sequence[Sequence[str]] | None, tuple[tuple[str, ...], tuple[str, ...]] | None] = Field(
         fields.labels,
@@ -170,7 +172,10 @@ class TimeSeries(Labelled, Renderable):
         "quantities are kept in their unit.",
     )
     values: Field[ArrayLike, NDArray[np.float64]] = Field(
-        _samples, "array_like", "`(n_samples,)` or `(n_samples, n_channels)` real and finite, in the given units."
+        _samples,
+        "array_like",
+        "`(n_samples,)` or `(n_samples, n_channels)` real and finite, in the given units.",
+        axes="samples",
     )
     sample_rate_hz: Field[float, float] = Field(
         lambda series, name, value: _checks.positive(series.owner, name, value, unit="Hz"),

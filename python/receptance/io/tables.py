@@ -24,7 +24,15 @@ from receptance.io.build import (
     sampling,
     to_si,
 )
-from receptance.io.column_names import PARTS, QUALITY_NAMES, TableColumn, column_unit, level_reference, usual_unit
+from receptance.io.column_names import (
+    PARTS,
+    QUALITY_NAMES,
+    TableColumn,
+    column_unit,
+    is_unit,
+    level_reference,
+    usual_unit,
+)
 from receptance.io.description import measurement_of
 from receptance.io.errors import FileFormatError, check_time, error_location
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
@@ -189,19 +197,12 @@ def _channel_units(table: NumberTable, channels: list[int], options: ReadOptions
                 f"column {column.name!r} has no unit; write {column.name} [N], for example, or give "
                 f"unit={{{column.name!r}: 'N'}} (on the command line --unit {shlex.quote(f'{column.name}=N')})"
             )
-        if _is_frf_unit(unit):
+        if is_unit(unit) and frf_kind(column_unit(unit)) is not None:
             raise FileFormatError(f"{unit!r} is the unit of an FRF, but column {column.name!r} is a time record")
         if column.unit and unit != column.unit:
             notes.append(f"{column.name}: the unit in the file, {column.unit!r}, was overridden by {unit!r}")
         units.append(unit)
     return units, notes
-
-
-def _is_frf_unit(unit: str) -> bool:
-    try:
-        return frf_kind(column_unit(unit)) is not None
-    except UnitError:
-        return False
 
 
 def _restarts(table: NumberTable, seconds: NDArray[np.float64]) -> list[int]:
