@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
 from receptance.fit.parameters import FACTORS, Site
-from receptance.fit.weights import Floor, Noise, as_floor, low_frequency_notes
+from receptance.fit.weights import Floor, Noise, as_floor
 from receptance.frf import FRF
 from receptance.frf.frf import with_variance
 from receptance.frf.variance import unused_coherence
@@ -480,11 +480,11 @@ class Observation:
         lines, values = self.frequency_hz.real, self.receptance
         if not self.is_receptance:
             return self.noise.deviation, ()
-        deviation, notes = self.noise.weigh(repr(self), lines, values, self.correlated_lines)
+        deviation, notes = self.noise.weigh(
+            repr(self), lines, values, self.correlated_lines, drive_point=self.response == self.excitation
+        )
         if deviation is not None:
             deviation.setflags(write=False)
-        if self.has_values:
-            notes += low_frequency_notes(lines, values, deviation, self.response == self.excitation)
         return deviation, notes
 
     @property

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.io.build import (
-    SI,
     ReadOptions,
     complex_values,
     make,
@@ -24,13 +23,14 @@ from receptance.io.build import (
     missing_phase_notes,
     phase_notes,
     resolve_frf,
-    sampling,
     to_si,
 )
+from receptance.io.column_names import TableColumn
 from receptance.io.description import ABOUT, ARRAYS, about_text, arrays_of, kind_of, measurement_of, parse_about
 from receptance.io.errors import FileFormatError, check_size, check_time, error_location
-from receptance.io.measurements import Coherence, Measurement, TimeSeries
+from receptance.io.measurements import Coherence, Measurement
 from receptance.io.sdynpy import is_sdynpy, read_sdynpy
+from receptance.io.tables import measurements_in_rows
 
 _FRF_KEYS = (
     "frequency_hz",
@@ -163,7 +163,7 @@ def _external(arrays: Mapping[str, NDArray[Any]], options: ReadOptions, listing:
         )
     if is_frf or (options.variables is not None and "frequency_hz" not in names):
         variables = {role: _variable(arrays, role, name, listing) for role, name in names.items()}
-        return (_external_frf if is_frf else _external_time_series)(variables, names, options)
+        return _external_frf(variables, names, options) if is_frf else _external_time_series(variables, names, options)
     raise FileFormatError(
         "this file was not written by receptance; name its variables and their unit. For an FRF: "
         "variables={'frequency_hz': ..., 'values': ..., 'coherence': ...} and unit='m/s^2/N', for example, with 'real' "
@@ -290,34 +290,19 @@ def _by_line(name: str, array: NDArray[Any], n: int, options: ReadOptions) -> ND
 
 def _external_time_series(
     variables: dict[str, NDArray[Any]], names: Mapping[str, str], options: ReadOptions
-) -> TimeSeries:
+) -> Measurement:
     """Return the time series of variables by channel; `names` are those in the file."""
-    columns = {channel: _one_column(channel, names[channel], array) for channel, array in variables.items()}
-    seconds = columns.pop("time_s", None)
-    if not columns:
+    channels = {name: _one_column(name, names[name], array) for name, array in variables.items()}
+    seconds = channels.pop("time_s", None)
+    if not channels:
         raise FileFormatError("variables names no channel beside 'time_s'")
-    sizes = {name: column.size for name, column in columns.items()}
-    count = next(iter(sizes.values()))
-    if any(size != count for size in sizes.values()):
-        raise FileFormatError(f"the channels have different numbers of samples: {sizes}")
-    units = options.channel_units(list(columns))
-    for name, unit in zip(columns, units, strict=True):
-        if unit is None or unit == SI:
-            raise FileFormatError(
-                f"the unit of channel {name!r} is unknown; give it, for example unit={{{name!r}: 'N'}}"
-            )
-    if seconds is not None:
-        if seconds.size != count:
-            raise FileFormatError(f"there are {seconds.size} times for {count} samples")
-        if seconds.size == 0 or not np.all(np.isfinite(seconds)):
-            raise FileFormatError("the times are not finite numbers")
-        rate, start = sampling(seconds, options)
-    elif options.sample_rate_hz is not None:
-        rate, start = options.sample_rate_hz, 0.0
-    else:
-        raise FileFormatError("the sample rate is unknown; give 'time_s' in variables=, or sample_rate_hz=")
-    values = np.stack(list(columns.values()), axis=1)
-    return make(TimeSeries, values=values, channels=list(columns), units=units, sample_rate_hz=rate, start_s=start)
+    axis = {} if seconds is None else {"time_s": seconds}
+    sizes = {name: column.size for name, column in (axis | channels).items()}
+    if len(set(sizes.values())) > 1 or 0 in sizes.values():
+        raise FileFormatError(f"the channels and their times have different numbers of samples, or none: {sizes}")
+    columns = [TableColumn("time_s", "s", "time")] * len(axis) + [TableColumn(c, None, "channel") for c in channels]
+    (series,) = measurements_in_rows(columns, list((axis | channels).values()), options)
+    return series
 
 
 _KINDS = "biufcU"

@@ -35,7 +35,6 @@ from receptance.io.tables import EXAMPLE, NumberTable, measurements_in
 from receptance.io.text import (
     check_row_count,
     complex_parts,
-    decode,
     excerpt,
     number,
     numbered_lines,
@@ -65,8 +64,7 @@ _FIRST_ROWS = 10
 
 def _read_table(data: bytes, options: ReadOptions) -> NumberTable:
     """Return the table in a file, with its header or that of the options."""
-    content = decode(data)
-    every = numbered_lines(content)
+    content, every = numbered_lines(data)
     about = None
     for line, text in every:
         if text.startswith(MARK):

@@ -113,12 +113,6 @@ def check_count(count: int, most: int, name: str) -> None:
         )
 
 
-def check_text(data: bytes) -> None:
-    """Raise if a text exceeds the limits of bytes and lines."""
-    check_count(len(data), MAX_TEXT, "bytes")
-    check_count(max(data.count(b"\n"), data.count(b"\r")), MAX_LINES, "lines")
-
-
 @contextmanager
 def time_limit(size: int) -> Iterator[None]:
     """Limit the processor time for reading a number of bytes; readers call `check_time` within the context."""

@@ -22,7 +22,7 @@ from receptance.io.column_names import LONGEST_NAME, TableColumn, is_unit, named
 from receptance.io.errors import FileFormatError, check_time
 from receptance.io.measurements import Measurement
 from receptance.io.tables import NumberTable, measurements_in
-from receptance.io.text import decode, excerpt, number, numbered_lines, parse_lines, truncation_notes
+from receptance.io.text import excerpt, number, numbered_lines, parse_lines, truncation_notes
 
 _FIRST_LINE = "LabVIEW Measurement"
 _END_OF_HEADER = "***End_of_Header***"
@@ -64,8 +64,8 @@ def is_lvm(data: bytes) -> bool:
 
 def read_lvm(data: bytes, options: ReadOptions) -> list[Measurement]:
     """Return the measurements of all segments; errors name the line."""
-    content = decode(data)
-    lines = _without_special(numbered_lines(content))
+    content, lines = numbered_lines(data)
+    lines = _without_special(lines)
     if not lines or not lines[0][1].startswith(_FIRST_LINE):
         raise FileFormatError(f"the first line is not {_FIRST_LINE!r}", line=1)
     separator = _separator(lines)

@@ -10,7 +10,7 @@ from receptance.io.build import ReadOptions
 from receptance.io.column_names import parse_column, with_complex_parts, with_one_axis
 from receptance.io.errors import MAX_NUMBERS, FileFormatError, check_count, check_time
 from receptance.io.measurements import Measurement
-from receptance.io.tables import NumberTable, measurements_in
+from receptance.io.tables import measurements_in_rows
 
 
 def is_npy(data: bytes) -> bool:
@@ -54,11 +54,4 @@ def read_npy(data: bytes, options: ReadOptions) -> list[Measurement]:
         check_time()
         numbers = table[:, index]
         values += [part.astype(np.float64) for part in ([numbers.real, numbers.imag] if has_parts else [numbers.real])]
-    rows = tuple(range(1, table.shape[0] + 1))
-    parts = tuple(with_complex_parts(columns, are_complex))
-    try:
-        return measurements_in(NumberTable(parts, np.stack(values, axis=1), 0, rows, None), options)
-    except FileFormatError as error:
-        if error.line is None:
-            raise
-        raise FileFormatError(error.problem, place=f"row {error.line}") from None
+    return measurements_in_rows(with_complex_parts(columns, are_complex), values, options)

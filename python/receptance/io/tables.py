@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -87,6 +87,19 @@ def measurements_in(table: NumberTable, options: ReadOptions) -> list[Measuremen
         return _time_records(table, time[0] if time else None, options)
 
 
+def measurements_in_rows(
+    columns: Sequence[TableColumn], values: Sequence[NDArray[np.float64]], options: ReadOptions
+) -> list[Measurement]:
+    """Return the measurements in columns of numbers that are no text; errors name the row."""
+    rows = tuple(range(1, values[0].size + 1))
+    try:
+        return measurements_in(NumberTable(tuple(columns), np.stack(values, axis=1), 0, rows, None), options)
+    except FileFormatError as error:
+        if error.line is None:
+            raise
+        raise FileFormatError(error.problem, place=f"row {error.line}") from None
+
+
 def _check_finite(table: NumberTable) -> None:
     wrong = ~np.isfinite(table.values)
     for role in _MAY_BE_INFINITE:
@@ -156,7 +169,7 @@ def _time_records(table: NumberTable, time: int | None, options: ReadOptions) ->
     units, notes = _channel_units(table, channels, options)
     if time is None and table.step_s is None and options.sample_rate_hz is None:
         raise FileFormatError(
-            "there is no column of times and no sample rate; give it: sample_rate_hz=51200 (on the command line "
+            "there are no times and no sample rate; give it: sample_rate_hz=51200 (on the command line "
             "--sample-rate 51200)"
         )
     count = len(table.lines)
@@ -194,8 +207,8 @@ def _channel_units(table: NumberTable, channels: list[int], options: ReadOptions
         unit = column.unit if given is None or given == SI else given
         if not unit:
             raise FileFormatError(
-                f"column {column.name!r} has no unit; write {column.name} [N], for example, or give "
-                f"unit={{{column.name!r}: 'N'}} (on the command line --unit {shlex.quote(f'{column.name}=N')})"
+                f"channel {column.name!r} has no unit; give it, for example unit={{{column.name!r}: 'N'}} (on the "
+                f"command line --unit {shlex.quote(f'{column.name}=N')}), or {column.name} [N] as the name of its column"
             )
         if is_unit(unit) and frf_kind(column_unit(unit)) is not None:
             raise FileFormatError(f"{unit!r} is the unit of an FRF, but column {column.name!r} is a time record")

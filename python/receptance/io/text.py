@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.errors import warn_user
-from receptance.io.errors import MAX_NUMBERS, FileFormatError, check_count, check_text, check_time
+from receptance.io.errors import MAX_LINES, MAX_NUMBERS, MAX_TEXT, FileFormatError, check_count, check_time
 
 _NUMBER = re.compile(
     r"([+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+))(?:[EeDd]([+-]?[0-9]{1,4}))?|[+-]?(?:nan|inf(?:inity)?)", re.IGNORECASE
@@ -32,7 +32,8 @@ _BLOCK = 4096
 
 def decode(data: bytes) -> str:
     """Decode a text as UTF-16 if it begins with a byte order mark, else as UTF-8, else as Latin-1."""
-    check_text(data)
+    check_count(len(data), MAX_TEXT, "bytes")
+    check_count(max(data.count(b"\n"), data.count(b"\r")), MAX_LINES, "lines")
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         try:
             return data.decode("utf-16")
@@ -92,8 +93,9 @@ def check_row_count(text: str, rows: int, declared: int, line: int) -> None:
         )
 
 
-def numbered_lines(text: str) -> list[tuple[int, str]]:
-    """Return the lines that are not blank, with their numbers from 1."""
+def numbered_lines(data: bytes) -> tuple[str, list[tuple[int, str]]]:
+    """Return a text, and its lines that are not blank with their numbers from 1."""
+    text = decode(data)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     numbered = []
     for start in range(0, len(lines), _BLOCK):
@@ -101,7 +103,7 @@ def numbered_lines(text: str) -> list[tuple[int, str]]:
         numbered += [
             (number, line) for number, line in enumerate(lines[start : start + _BLOCK], start + 1) if line.strip()
         ]
-    return numbered
+    return text, numbered
 
 
 def excerpt(text: str) -> str:

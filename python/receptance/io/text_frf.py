@@ -47,8 +47,7 @@ def cutpro_bytes(frf: FRF) -> tuple[bytes, list[str]]:
 
 def read_cutpro(data: bytes, options: ReadOptions) -> list[Measurement]:
     """Return the FRF in a `.frf` file: three columns separated by blanks or tabs, and text behind the first row."""
-    text = decode(data)
-    lines = numbered_lines(text)
+    text, lines = numbered_lines(data)
     if not lines:
         raise FileFormatError("there are no rows, expected frequency, real and imaginary part")
     line, first = lines[0]
@@ -120,8 +119,9 @@ def read_dataphysics(data: bytes, options: ReadOptions) -> list[Measurement]:
     label = lines[2].removeprefix("Channel Name").strip().rstrip(":").strip()
     table = _table(text, rows, rows, _EXPORT_ROWS.fullmatch(lines[3]), unit=unit, label=label, header=9)
     (frf,) = measurements_in(table, options)
-    has_names = isinstance(frf, FRF) and (response.strip() or reference.strip())
-    return [frf.with_(labels=((response.strip(),), (reference.strip(),))) if has_names else frf]
+    if isinstance(frf, FRF) and (response.strip() or reference.strip()):
+        frf = frf.with_(labels=((response.strip(),), (reference.strip(),)))
+    return [frf]
 
 
 def _lost(frf: FRF, further: str) -> list[str]:
@@ -153,7 +153,7 @@ def _table(
     header: int = 0,
 ) -> NumberTable:
     """Return the columns, with a note on a text that may be truncated; a declared number of rows is checked."""
-    values = parse_lines(rows, lambda _, row: row.split(), [column.name for column in _COLUMNS])
+    values = parse_lines(rows, lambda _, row: row.split(), [f"the {column.name}" for column in _COLUMNS])
     if declared:
         check_row_count(text, len(rows), int(declared["rows"]), rows[-1][0])
     return NumberTable(
