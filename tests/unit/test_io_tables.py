@@ -129,7 +129,8 @@ def test_time_series(tmp_path: Path) -> None:
     assert series.sample_rate_hz == pytest.approx(2000.0)
     assert series.values[0] == pytest.approx([4.4482216152605, 2 * 9.80665, 3.0])
     with pytest.raises(
-        FileFormatError, match=r"line 1: channel 'count' has no unit; give it, .* --unit count=N\), or count \[N\] as"
+        FileFormatError,
+        match=r"line 1: channel 'count' has no unit; give it, .* --unit count=N\), or count \[N\] as its name",
     ):
         read(text_file(tmp_path, text))
     replaced = read_time_series(text_file(tmp_path, text), unit={"count": "V", "tip": "m/s^2"})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, TypeVar
 
@@ -32,6 +32,40 @@ class ReadKeywords(ReadingOptions, total=False):
     excitations: Coordinate | Sequence[Coordinate] | None
 
 
+def _unit(name: str, value: Any) -> str | Mapping[str, str]:
+    if not isinstance(value, str):
+        _pairs(name, value, "a text, or a mapping from channel to text")
+    for text in value.values() if isinstance(value, Mapping) else [value]:
+        if text != SI:
+            parse_unit(text)
+    return value  # type: ignore[no-any-return]
+
+
+def _pairs(name: str, value: Any, expected: str = "a mapping such as {'values': 'H'}") -> Mapping[str, str]:
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{name} is {value!r}, expected {expected}")
+    if not all(isinstance(text, str) for pair in value.items() for text in pair):
+        raise TypeError(f"{name} is {value!r}, expected texts for texts")
+    return value
+
+
+def _columns(name: str, value: Any) -> tuple[str, ...]:
+    if isinstance(value, str) or not all(isinstance(text, str) for text in value):
+        raise TypeError(f"{name} is {value!r}, expected a list of texts such as 'frequency [Hz]'")
+    return tuple(value)
+
+
+_CHECKS: dict[str, Callable[[str, Any], Any]] = {
+    "quantity": lambda _, value: form_name(value),
+    "unit": _unit,
+    "variables": _pairs,
+    "columns": _columns,
+    "sample_rate_hz": lambda name, value: _checks.positive("read", name, value, unit="Hz"),
+    **dict.fromkeys(("responses", "excitations"), lambda _, value: as_coordinates(value)),
+    **dict.fromkeys(("ignore_coherence", "conjugate", "reverse"), lambda _, value: bool(value)),
+}
+
+
 @dataclass(frozen=True)
 class ReadOptions:
     """Validated options of `read` that readers need; None for those not given."""
@@ -51,34 +85,9 @@ class ReadOptions:
     def checked(given: Mapping[str, Any]) -> ReadOptions:
         """Return the options, or raise a TypeError or ValueError that names the invalid one."""
         names = {field.name for field in fields(ReadOptions)}
-        unknown = sorted(set(given) - names)
-        if unknown:
+        if unknown := sorted(set(given) - names):
             raise TypeError(f"read has no option {unknown[0]!r}; the options are {', '.join(sorted(names))}")
-        options = {name: value for name, value in given.items() if value is not None}
-        for name, value in options.items():
-            if name == "unit":
-                if not isinstance(value, (str, Mapping)):
-                    raise TypeError(f"unit is {value!r}, expected a text, or a mapping from channel to text")
-                for text in value.values() if isinstance(value, Mapping) else [value]:
-                    if text != SI:
-                        parse_unit(text)
-            elif name == "variables" and not isinstance(value, Mapping):
-                raise TypeError(f"variables is {value!r}, expected a mapping such as {{'values': 'H'}}")
-            elif name == "quantity":
-                options[name] = form_name(value)
-            elif name in ("responses", "excitations"):
-                options[name] = as_coordinates(value)
-            elif name == "columns":
-                if isinstance(value, str) or not all(isinstance(text, str) for text in value):
-                    raise TypeError(f"columns is {value!r}, expected a list of texts such as 'frequency [Hz]'")
-                options[name] = tuple(value)
-            elif name == "sample_rate_hz":
-                options[name] = _checks.positive("read", name, value, unit="Hz")
-            elif name in ("ignore_coherence", "conjugate", "reverse"):
-                options[name] = bool(value)
-            if isinstance(value, Mapping) and not all(isinstance(text, str) for pair in value.items() for text in pair):
-                raise TypeError(f"{name} is {value!r}, expected texts for texts")
-        return ReadOptions(**options)
+        return ReadOptions(**{name: _CHECKS[name](name, value) for name, value in given.items() if value is not None})
 
     def turned(self, values: NDArray[Any]) -> tuple[NDArray[Any], list[str]]:
         """Return the values of an FRF, conjugated and reversed if that was asked for, with the notes."""

@@ -33,7 +33,6 @@ from receptance.io.errors import FileFormatError, check_time, error_location
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
 from receptance.io.tables import EXAMPLE, NumberTable, measurements_in
 from receptance.io.text import (
-    check_row_count,
     complex_parts,
     excerpt,
     number,
@@ -110,10 +109,7 @@ def _read_table(data: bytes, options: ReadOptions) -> NumberTable:
         quote_first_row=options.columns is None,
     )
     declared = None if about is None else about.get("rows")
-    if isinstance(declared, int):
-        check_row_count(content, len(lines), declared, lines[-1][0])
-    else:
-        notes += truncation_notes(content, lines)
+    notes += truncation_notes(content, lines, declared if isinstance(declared, int) else None)
     rows = tuple(line for line, _ in lines)
     return NumberTable(tuple(columns), values, header, rows, about, tuple(notes), averages=averages)
 

@@ -72,10 +72,6 @@ def error_location(
         raise FileFormatError(error.problem, file=error.file or file, line=line, byte=byte, place=place) from None
 
 
-MAX_TEXT = 1 << 28
-"""Most bytes of a text, which is three times in memory while it is read."""
-MAX_LINES = 1 << 22
-"""Most lines of a text; each takes 200 bytes of memory while the text is read."""
 MAX_NUMBERS = 1 << 25
 """Most numbers in a text."""
 _BASE_SECONDS = 0.3

@@ -208,7 +208,7 @@ def _channel_units(table: NumberTable, channels: list[int], options: ReadOptions
         if not unit:
             raise FileFormatError(
                 f"channel {column.name!r} has no unit; give it, for example unit={{{column.name!r}: 'N'}} (on the "
-                f"command line --unit {shlex.quote(f'{column.name}=N')}), or {column.name} [N] as the name of its column"
+                f"command line --unit {shlex.quote(f'{column.name}=N')}), or {column.name} [N] as its name"
             )
         if is_unit(unit) and frf_kind(column_unit(unit)) is not None:
             raise FileFormatError(f"{unit!r} is the unit of an FRF, but column {column.name!r} is a time record")

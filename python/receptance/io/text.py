@@ -10,8 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.errors import warn_user
-from receptance.io.errors import MAX_LINES, MAX_NUMBERS, MAX_TEXT, FileFormatError, check_count, check_time
+from receptance.io.errors import MAX_NUMBERS, FileFormatError, check_count, check_time
 
+MAX_TEXT = 1 << 28
+"""Most bytes of a text, which is three times in memory while it is read."""
+MAX_LINES = 1 << 22
+"""Most lines of a text; each takes 200 bytes of memory while the text is read."""
 _NUMBER = re.compile(
     r"([+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+))(?:[EeDd]([+-]?[0-9]{1,4}))?|[+-]?(?:nan|inf(?:inity)?)", re.IGNORECASE
 )
@@ -52,45 +56,39 @@ def decode(data: bytes) -> str:
         return data.decode("latin-1")
 
 
-def ends_with_line(text: str) -> bool:
-    """Return whether the last line has a line ending (which a Ctrl-Z of DOS programs may follow)."""
-    trailing = text[len(text.rstrip(" \t\r\n\f\x1a")) :]
-    return "\n" in trailing or "\r" in trailing
-
-
-def truncation_notes(text: str, rows: Sequence[tuple[int, str]]) -> list[str]:
+def truncation_notes(text: str, rows: Sequence[tuple[int, str]], declared: int | None = None) -> list[str]:
     """Warn of a text that may be truncated in its last row, and return the note.
 
-    A truncated number may still be a number, for example without its exponent.
+    A truncated number may still be a number, for example without its exponent. A file of this library declares its
+    number of rows: another number, or an end within the last row, raises.
     """
     if not rows:
         return []
     line, last = rows[-1]
+    if declared is not None and len(rows) != declared:
+        raise FileFormatError(
+            f"the file declares {declared} rows of numbers and has {len(rows)}: it was truncated or changed", line=line
+        )
+    trailing = text[len(text.rstrip(" \t\r\n\f\x1a")) :]  # a Ctrl-Z of DOS programs may follow the last line
+    ends_with_line = "\n" in trailing or "\r" in trailing
+    if declared is not None:
+        if not ends_with_line:
+            raise FileFormatError(
+                "the last line has no line ending: the file was truncated, and its last number may be wrong; if the "
+                "number is right, add a line ending",
+                line=line,
+            )
+        return []
     lengths = {len(row.rstrip()) for _, row in rows[:-1]}
     lengths_are_informative = len(rows) > _MIN_ROWS_FOR_LENGTHS or (len(rows) > 2 and len(lengths) == 1)
     note = ""
-    if not ends_with_line(text):
+    if not ends_with_line:
         note = f"the last line, {line}, has no line ending: if the file is truncated, its last number is wrong"
     elif lengths_are_informative and len(last.rstrip()) < min(lengths):
         note = f"the last line, {line}, is shorter than all others: if it is truncated, its last number is wrong"
     if note:
         warn_user(note)
     return [note] if note else []
-
-
-def check_row_count(text: str, rows: int, declared: int, line: int) -> None:
-    """Raise if a file of this library has not the declared number of rows, or ends within its last `line`."""
-    if rows != declared:
-        raise FileFormatError(
-            f"the file declares {declared} rows of numbers and has {rows}: it was truncated or changed",
-            line=line,
-        )
-    if not ends_with_line(text):
-        raise FileFormatError(
-            "the last line has no line ending: the file was truncated, and its last number may be wrong; if the number "
-            "is right, add a line ending",
-            line=line,
-        )
 
 
 def numbered_lines(data: bytes) -> tuple[str, list[tuple[int, str]]]:

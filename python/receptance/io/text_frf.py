@@ -15,7 +15,7 @@ from receptance.io.column_names import TableColumn, is_unit
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Measurement
 from receptance.io.tables import NumberTable, measurements_in
-from receptance.io.text import check_row_count, decode, numbered_lines, parse_lines, truncation_notes
+from receptance.io.text import decode, numbered_lines, parse_lines, truncation_notes
 
 _COLUMNS = (
     TableColumn("frequency", "Hz", "frequency"),
@@ -154,14 +154,12 @@ def _table(
 ) -> NumberTable:
     """Return the columns, with a note on a text that may be truncated; a declared number of rows is checked."""
     values = parse_lines(rows, lambda _, row: row.split(), [f"the {column.name}" for column in _COLUMNS])
-    if declared:
-        check_row_count(text, len(rows), int(declared["rows"]), rows[-1][0])
     return NumberTable(
         columns=tuple(column if column.unit else replace(column, unit=unit) for column in _COLUMNS),
         values=values,
         header=header,
         lines=tuple(line for line, _ in rows),
         about=None,
-        notes=() if declared else tuple(truncation_notes(text, lines)),
+        notes=tuple(truncation_notes(text, lines, int(declared["rows"]) if declared else None)),
         label=label,
     )
