@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from receptance import ReceptanceWarning
-from receptance.io import FileFormatError, TimeSeries, read, read_all, read_frf, read_time_series
+from receptance.io import FileFormatError, TimeSeries, errors, read, read_all, read_frf, read_time_series
 from receptance.io import text as io_text
 from receptance.io.column_names import parse_column
 
