@@ -74,7 +74,7 @@ def test_arrays_are_copies():
     ("changes", "error", "words"),
     [
         ({"frequency_hz": []}, ValueError, "FRF 'blank': frequency_hz is empty"),
-        ({"frequency_hz": LINES[::-1]}, ValueError, "not ascending: line 1 is 4950 Hz after 5000 Hz"),
+        ({"frequency_hz": LINES[::-1]}, ValueError, r"not ascending: \[1\] is 4950 Hz after 5000 Hz"),
         ({"frequency_hz": np.r_[LINES[:-1], np.nan]}, ValueError, r"frequency_hz\[99\] is nan"),
         ({"frequency_hz": LINES + 1j}, TypeError, "complex lines follow from decay_rate"),
         ({"frequency_hz": [[1.0], [2.0, 3.0]]}, ValueError, "rows of different lengths"),

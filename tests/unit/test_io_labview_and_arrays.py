@@ -194,9 +194,17 @@ def test_records_in_arrays(tmp_path: Path) -> None:
             {"columns": ["a", "b"]},
             r"an array \(2, 2, 2\) of float64, expected numbers",
         ),
-        (np.ones((4, 3)), {"columns": ["f [Hz]", "real [m/N]", "imag [m/N]"]}, "row 2: the frequency is 1 Hz after 1"),
+        (
+            np.ones((4, 3)),
+            {"columns": ["f [Hz]", "real [m/N]", "imag [m/N]"]},
+            "row 2: FRF: frequency_hz is not ascending",
+        ),
         (np.full((4, 2), 1j), {"columns": ["f [Hz]", "H [m/N]"]}, "column 'f' has complex numbers"),
-        (np.array([[1.0, np.nan]]), {"columns": ["f [Hz]", "coherence"]}, "row 1: column 'coherence' is nan"),
+        (
+            np.array([[1.0, np.nan]]),
+            {"columns": ["f [Hz]", "coherence"]},
+            "row 1: Coherence: the coherence at 1 Hz is nan",
+        ),
     ],
 )
 def test_arrays_that_are_not_understood(values: np.ndarray, options: dict, message: str, tmp_path: Path) -> None:

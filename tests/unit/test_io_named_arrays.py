@@ -187,7 +187,7 @@ def test_time_series_of_other_programs(path: Path) -> None:
         ({"tip": "a"}, {"unit": "g"}, "there are no times and no sample rate"),
         ({"time_s": "t"}, {}, "variables names no channel"),
         ({"time_s": "short", "tip": "a"}, {"unit": "g"}, "different numbers of samples"),
-        ({"time_s": "t", "tip": "gap"}, {"unit": "g"}, "row 2: column 'tip' is nan"),
+        ({"time_s": "t", "tip": "gap"}, {"unit": "g"}, "row 2: TimeSeries: sample 1 of 'tip' is nan"),
     ):
         with pytest.raises(FileFormatError, match=message):
             read(path, variables=changed, **options)

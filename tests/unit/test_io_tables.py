@@ -186,7 +186,10 @@ WRONG = [
     ("frequency [Hz],real [m/N],imag [m/N]\n", "line 1: there are no rows of numbers"),
     ("frequency [Hz],real [m/N],imag [m/N]\n1,2,3\n2,x,3\n", "line 3: column 'real' is 'x', expected a number"),
     ("frequency [Hz],real [m/N],imag [m/N]\n1,2,3\n\n2,3\n", "line 4: there are 2 columns, expected 3"),
-    ("frequency [Hz],real [m/N],imag [m/N]\n1,2,3\n1,2,3\n", "line 3: the frequency is 1 Hz after 1 Hz"),
+    (
+        "frequency [Hz],real [m/N],imag [m/N]\n1,2,3\n1,2,3\n",
+        r"line 3: FRF: frequency_hz is not ascending: \[1\] is 1 Hz after 1 Hz",
+    ),
     ("frequency,real [m/N],imag [m/N]\n1,2,3\n", "line 1: column 'frequency' has no unit"),
     ("frequency [s],real [m/N],imag [m/N]\n1,2,3\n", "column 'frequency' is in 's', expected Hz"),
     (
@@ -395,8 +398,8 @@ def test_cutpro(text: str, tmp_path: Path) -> None:
         ("10 1\n", "line 1: there are 2 columns, expected 3"),
         ("10 1 2 label\n20 1 2 3\n", "line 2: there are 4 columns"),
         ("10 1 2\n20 1 x\n", "line 2: the imaginary part is 'x', expected a number"),
-        ("10 1 2\n20 inf 1\n", "line 2: column 'real part' is inf"),
-        ("10 1 2\n\n5 1 2\n", "line 3: the frequency is 5 Hz after 10 Hz"),
+        ("10 1 2\n20 inf 1\n", r"line 2: FRF: values at 20 Hz is \(inf\+1j\)"),
+        ("10 1 2\n\n5 1 2\n", "line 3: FRF: frequency_hz is not ascending"),
         ("f re im\n10 1 2\n", "line 1: the frequency is text, expected a number"),
         ("\n \n", "there are no rows"),
     ],
@@ -467,7 +470,7 @@ def test_data_physics(tmp_path: Path) -> None:
         ({9: "Hz\t(N)(N)"}, "line 9: '\\(N\\)/\\(N\\)' is not the unit of a receptance"),
         ({11: "1.9531250000000e-002\t 0.5"}, "line 11: there are 2 columns"),
         ({11: "1.9531250000000e-002\t 0.5\t zero"}, "line 11: the imaginary part is 'zero'"),
-        ({11: "0\t 0.5\t 1"}, "line 11: the frequency is 0 Hz after 0 Hz"),
+        ({11: "0\t 0.5\t 1"}, "line 11: FRF .*frequency_hz is not ascending"),
     ],
 )
 def test_mistakes_in_data_physics(changes: dict[int, str], message: str, tmp_path: Path) -> None:

@@ -67,7 +67,18 @@ class Field(Generic[Accepted, Stored]):
         return "\n".join([f"    {name} : {self.kind}{optional}", *(" " * 8 + line for line in lines)])
 
 
-class CoherenceError(ValueError):
+class LineError(ValueError):
+    """An invalid number on a line, or in a sample, whose `index` tells a reader its place in a file."""
+
+    def __init__(self, problem: str, index: int) -> None:
+        super().__init__(problem, index)
+        self.problem, self.index = problem, int(index)
+
+    def __str__(self) -> str:
+        return self.problem
+
+
+class CoherenceError(LineError):
     """A coherence that is not one; without it the measurement may be valid."""
 
 
@@ -149,12 +160,15 @@ def lines(item: Any, name: str, value: ArrayLike) -> NDArray[np.float64]:
         raise ValueError(f"{owner}: frequency_hz is empty, expected at least one line")
     bad = np.flatnonzero(~(np.isfinite(array) & (array >= 0.0)))
     if bad.size:
-        raise ValueError(f"{owner}: frequency_hz[{bad[0]}] is {array[bad[0]]:g} Hz, expected a finite number from 0 on")
+        problem = f"{owner}: frequency_hz[{bad[0]}] is {array[bad[0]]:g} Hz, expected a finite number from 0 on"
+        raise LineError(problem, bad[0])
     bad = np.flatnonzero(np.diff(array) <= 0.0)
     if bad.size:
-        raise ValueError(
-            f"{owner}: frequency_hz is not ascending: line {bad[0] + 1} is {array[bad[0] + 1]:g} Hz after "
-            f"{array[bad[0]]:g} Hz; sort the lines and leave out repeated ones"
+        index = bad[0] + 1
+        raise LineError(
+            f"{owner}: frequency_hz is not ascending: [{index}] is {array[index]:.9g} Hz after {array[index - 1]:.9g} Hz; "
+            "sort the lines and leave out repeated ones",
+            index,
         )
     return array
 
@@ -174,9 +188,10 @@ def values(item: Any, name: str, value: ArrayLike) -> NDArray[np.complex128]:
     excessive = np.argwhere(np.isfinite(size) & (size > _MAX_MAGNITUDE))
     if excessive.size:
         index = tuple(excessive[0])
-        raise ValueError(
+        raise LineError(
             f"{owner}: values at {frequency_hz[index[0]]:g} Hz is {array[index]:g}, expected at most "
-            f"{_MAX_MAGNITUDE:g} in SI units"
+            f"{_MAX_MAGNITUDE:g} in SI units",
+            index[0],
         )
     return array
 
@@ -208,7 +223,8 @@ def coherence(item: Any, array: NDArray[np.float64]) -> NDArray[np.float64]:
             "response's power explained by the force. A value outside 0 to 1 means that the spectra do not "
             "belong together (different averages or windows for force and response, an overwritten record, or another "
             "quantity in this column), so the quality of this FRF is unknown. Measure or export it again, or use the "
-            "FRF without its coherence"
+            "FRF without its coherence",
+            index[0],
         )
     clipped = np.clip(array, 0.0, 1.0)
     count = np.count_nonzero(clipped != array) - np.count_nonzero(np.isnan(array))
@@ -239,7 +255,7 @@ def per_entry(
         if wrong.any():
             index = tuple(int(axis[0]) for axis in np.nonzero(wrong))
             limit = f"more than {above:g}" if above > -np.inf else f"at least {at_least:g}"
-            raise ValueError(f"{owner}: {name}{list(index)} is {array[index]:g}, expected {limit}")
+            raise LineError(f"{owner}: {name}{list(index)} is {array[index]:g}, expected {limit}", index[0])
         return array
 
     return check
@@ -306,9 +322,10 @@ def without_undefined_zero_line(frf: Any, names: Iterable[str]) -> None:
         elsewhere = rows[frequency_hz[rows] > 0.0]
         if elsewhere.size:
             value = array[elsewhere[0]][bad[elsewhere[0]]][0]
-            raise ValueError(
+            raise LineError(
                 f"{owner}: {name} at {frequency_hz[elsewhere[0]]:g} Hz is {value}, expected a finite number; "
-                "leave the line out"
+                "leave the line out",
+                elsewhere[0],
             )
         undefined += [name] * bool(rows.size)
     if not undefined:

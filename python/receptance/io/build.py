@@ -13,7 +13,7 @@ from receptance import _checks
 from receptance._reading import ReadingOptions
 from receptance.errors import warn_user
 from receptance.frf import FRF
-from receptance.frf.fields import CoherenceError
+from receptance.frf.fields import CoherenceError, LineError
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Measurement
 from receptance.model.coordinates import Coordinate, as_coordinates
@@ -280,15 +280,15 @@ def make_frf(
     )
 
 
-def make(kind: type[_Measurement], **fields: Any) -> _Measurement:
-    """Return a measurement of a class, with a FileFormatError where its fields are invalid."""
+def make(kind: type[_Measurement], *, rows: Sequence[int] = (), **fields: Any) -> _Measurement:
+    """Return a measurement of a class; invalid fields raise a FileFormatError, with the line of a row in the file."""
     try:
         return kind(**fields)
-    except CoherenceError as error:
-        option = ": ignore_coherence=True (on the command line --ignore-coherence)" if kind is FRF else ""
-        raise FileFormatError(f"{error}{option}") from None
     except (TypeError, ValueError) as error:
-        raise FileFormatError(str(error)) from None
+        line = rows[error.index] if rows and isinstance(error, LineError) else None
+        ignore = kind is FRF and isinstance(error, CoherenceError)
+        option = ": ignore_coherence=True (on the command line --ignore-coherence)" if ignore else ""
+        raise FileFormatError(f"{error}{option}", line=line) from None
 
 
 def complex_values(real_part: NDArray[Any], imaginary: NDArray[Any]) -> NDArray[np.complex128]:

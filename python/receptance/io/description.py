@@ -85,16 +85,21 @@ def parse_about(text: Any) -> dict[str, Any] | None:
     return about
 
 
-def measurement_of(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: ReadOptions) -> Measurement:
-    """Return the measurement with these arrays and fields; invalid or contradicting ones raise a FileFormatError."""
+def measurement_of(
+    arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: ReadOptions, rows: Sequence[int] = ()
+) -> Measurement:
+    """Return the measurement with these arrays and fields; invalid or contradicting ones raise a FileFormatError.
+
+    The `rows` are the lines of a text with the rows of the arrays.
+    """
     name = about["receptance"]
     try:
         fields = _fields(_KINDS[name], arrays, about)
         if name == "frf":
-            return _frf(fields, options)
+            return _frf(fields, options, rows)
         if name == "time series":
             _check_channels_agree(fields, options)
-        return make(_KINDS[name], **fields)
+        return make(_KINDS[name], rows=rows, **fields)
     except FileFormatError:
         raise
     except (TypeError, ValueError, OverflowError) as error:
@@ -121,12 +126,12 @@ def _fields(kind: type[Measurement], arrays: Mapping[str, NDArray[Any]], about: 
     return fields
 
 
-def _frf(fields: dict[str, Any], options: ReadOptions) -> FRF:
+def _frf(fields: dict[str, Any], options: ReadOptions, rows: Sequence[int]) -> FRF:
     fields["values"], turned = options.turned(fields["values"])
     fields["notes"] = [*fields.get("notes", ()), *turned]
     if options.ignore_coherence:
         fields.pop("coherence", None)
-    frf = make(FRF, **fields)
+    frf = make(FRF, rows=rows, **fields)
     _check_options_agree(frf, options)
     if options.responses is None and options.excitations is None:
         return frf

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from receptance import _checks
 from receptance.errors import warn_user
 from receptance.frf import FRF, fields
-from receptance.frf.fields import Field, Labelled, store
+from receptance.frf.fields import Field, Labelled, LineError, store
 from receptance.report import Column, Renderable, Table
 from receptance.units import channel_kind, parse_unit
 
@@ -33,7 +33,7 @@ def _coherences(coherence: Any, name: str, value: ArrayLike) -> NDArray[np.float
         )
     undefined = np.flatnonzero(np.isnan(array).any(axis=(1, 2)))
     if undefined.size:
-        raise ValueError(f"{owner}: the coherence at {lines[undefined[0]]:g} Hz is nan, expected 0 to 1")
+        raise LineError(f"{owner}: the coherence at {lines[undefined[0]]:g} Hz is nan, expected 0 to 1", undefined[0])
     return fields.coherence(coherence, array)
 
 
@@ -127,9 +127,8 @@ def _samples(series: Any, name: str, value: ArrayLike) -> NDArray[np.float64]:
     bad = np.argwhere(~np.isfinite(array))
     if bad.size:
         row, column = bad[0]
-        raise ValueError(
-            f"{owner}: sample {row} of {names[column]!r} is {array[row, column]}, expected a finite number"
-        )
+        problem = f"{owner}: sample {row} of {names[column]!r} is {array[row, column]}, expected a finite number"
+        raise LineError(problem, row)
     return array
 
 

@@ -36,14 +36,12 @@ from receptance.io.column_names import (
 from receptance.io.description import measurement_of
 from receptance.io.errors import FileFormatError, check_time, error_location
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
-from receptance.io.text import check_ascending
 from receptance.units import Unit, UnitError, frf_kind, parse_unit
 
 EXAMPLE = "frequency [Hz],accelerance real [m/s^2/N],accelerance imaginary [m/s^2/N],coherence [1]"
 """A header for messages."""
 _Entries: TypeAlias = Mapping[str, Mapping[str, int]]
 """Indices of the columns of each response and excitation by role."""
-_MAY_BE_INFINITE = ("log_variance", "degrees_of_freedom")
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,6 @@ def measurements_in(table: NumberTable, options: ReadOptions) -> list[Measuremen
     A table without times needs its time step or the sample rate of the options; a time that begins again begins another
     record.
     """
-    _check_finite(table)
     frequency, time = table.indices("frequency"), table.indices("time")
     with error_location(line=table.header or None):
         if frequency:
@@ -98,22 +95,6 @@ def measurements_in_rows(
         if error.line is None:
             raise
         raise FileFormatError(error.problem, place=f"row {error.line}") from None
-
-
-def _check_finite(table: NumberTable) -> None:
-    wrong = ~np.isfinite(table.values)
-    for role in _MAY_BE_INFINITE:
-        wrong[:, table.indices(role)] = np.isnan(table.values[:, table.indices(role)])
-    frequency = table.indices("frequency")
-    if frequency and table.values[0, frequency[0]] == 0.0:
-        # A receptance may be infinite at 0 Hz; the FRF drops that line with a note.
-        wrong[0] = False
-    if wrong.any():
-        row, column = (int(index) for index in np.argwhere(wrong)[0])
-        raise FileFormatError(
-            f"column {table.columns[column].name!r} is {table.values[row, column]}, expected a finite number",
-            line=table.lines[row],
-        )
 
 
 def _column_unit(column: TableColumn) -> Unit | None:
@@ -164,7 +145,7 @@ def _time_records(table: NumberTable, time: int | None, options: ReadOptions) ->
     if not channels:
         raise FileFormatError("there is a time column and no other")
     if table.about is not None and table.about["receptance"] == "time series":
-        return [measurement_of({"values": table.values[:, channels]}, table.about, options)]
+        return [measurement_of({"values": table.values[:, channels]}, table.about, options, table.lines)]
     names = [table.columns[index].name for index in channels]
     units, notes = _channel_units(table, channels, options)
     if time is None and table.step_s is None and options.sample_rate_hz is None:
@@ -186,6 +167,7 @@ def _time_records(table: NumberTable, time: int | None, options: ReadOptions) ->
         records.append(
             make(
                 TimeSeries,
+                rows=table.lines[start:end],
                 values=table.values[start:end, channels],
                 channels=names,
                 units=units,
@@ -234,7 +216,6 @@ def _restarts(table: NumberTable, seconds: NDArray[np.float64]) -> list[int]:
 
 def _by_frequency(table: NumberTable, frequency: int, options: ReadOptions) -> Measurement:
     lines = _column_in_unit(table, frequency, "Hz")
-    check_ascending(lines.tolist(), table.lines)
     entries: dict[str, dict[str, int]] = {}
     for index, column in enumerate(table.columns):
         if column.role in PARTS:
@@ -255,8 +236,8 @@ def _by_frequency(table: NumberTable, frequency: int, options: ReadOptions) -> M
         raise FileFormatError(f"no column is an FRF or a coherence; expected a header such as {EXAMPLE}")
     values = np.stack([_coherence(table, index) for index in coherence], axis=1)
     if about["receptance"] == "coherence":
-        return measurement_of({"frequency_hz": lines, "values": values}, about, options)
-    return make(Coherence, frequency_hz=lines, values=values[:, :, None], notes=_unread_notes(table))
+        return measurement_of({"frequency_hz": lines, "values": values}, about, options, table.lines)
+    return make(Coherence, rows=table.lines, frequency_hz=lines, values=values[:, :, None], notes=_unread_notes(table))
 
 
 def _coherence(table: NumberTable, index: int) -> NDArray[np.float64]:
@@ -282,6 +263,7 @@ def _frf(table: NumberTable, lines: NDArray[np.float64], entries: _Entries, opti
         coherence = np.stack([_coherence(table, coherence_columns[entry]) for entry in entries], axis=1)[:, :, None]
     notes = [*_unread_notes(table), *dict.fromkeys(note for _, resolved in parts for note in resolved.notes)]
     return make_frf(
+        rows=table.lines,
         frequency_hz=lines,
         values=np.stack([values for values, _ in parts], axis=1)[:, :, None],
         form=kinds[0].form,
@@ -369,4 +351,4 @@ def _described_frf(
         columns = table.indices(role)
         if columns:
             arrays[role] = table.values[:, columns]
-    return measurement_of(arrays, about, options)
+    return measurement_of(arrays, about, options, table.lines)

@@ -203,17 +203,3 @@ def _check_decimal_signs(lines: Sequence[tuple[int, str]]) -> None:
             "the other separates thousands; export the numbers without separators of thousands",
             line=comma_line,
         )
-
-
-def check_ascending(frequency_hz: Sequence[float], lines: Sequence[int]) -> None:
-    """Raise if frequencies are not ascending, negative or not finite."""
-    array = np.asarray(frequency_hz, dtype=np.float64)
-    bad = np.flatnonzero(~(np.isfinite(array) & (array >= 0.0)))
-    if bad.size:
-        raise FileFormatError(f"the frequency is {array[bad[0]]:g} Hz, expected a number from 0 on", line=lines[bad[0]])
-    bad = np.flatnonzero(np.diff(array) <= 0.0)
-    if bad.size:
-        first, second = array[bad[0]], array[bad[0] + 1]
-        raise FileFormatError(
-            f"the frequency is {second:.9g} Hz after {first:.9g} Hz, expected ascending lines", line=lines[bad[0] + 1]
-        )
