@@ -166,8 +166,8 @@ def lines(item: Any, name: str, value: ArrayLike) -> NDArray[np.float64]:
     if bad.size:
         index = bad[0] + 1
         raise LineError(
-            f"{owner}: frequency_hz is not ascending: [{index}] is {array[index]:.9g} Hz after {array[index - 1]:.9g} Hz; "
-            "sort the lines and leave out repeated ones",
+            f"{owner}: frequency_hz is not ascending: [{index}] is {array[index]:.9g} Hz after {array[index - 1]:.9g} "
+            "Hz; sort the lines and leave out repeated ones",
             index,
         )
     return array

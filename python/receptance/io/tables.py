@@ -155,6 +155,8 @@ def _time_records(table: NumberTable, time: int | None, options: ReadOptions) ->
         )
     count = len(table.lines)
     seconds = np.array([table.start_s]) if time is None else _column_in_unit(table, time, "s")
+    if (bad := np.flatnonzero(~np.isfinite(seconds))).size:
+        raise FileFormatError(f"the time is {seconds[bad[0]]}, expected a finite number", line=table.lines[bad[0]])
     starts = [0] if time is None else _restarts(table, seconds)
     records: list[Measurement] = []
     rate = options.sample_rate_hz
@@ -300,7 +302,8 @@ def _entry(
         phase = _column_in_unit(table, indices["phase"], "rad")
         unit = _column_unit(table.columns[indices["phase"]])
         notes = phase_notes(phase, degrees=unit is not None and unit.factor != parse_unit("rad").factor)
-        values = magnitude * np.exp(1j * phase)
+        with np.errstate(invalid="ignore"):  # infinite magnitudes are refused with the values
+            values = magnitude * np.exp(1j * phase)
     resolved = resolve_frf(
         options,
         declared=declared,
