@@ -263,7 +263,7 @@ def test_unknown_positions():
     assert Coordinate() != UnknownPosition()
     assert repr(UnknownPosition()) == "UnknownPosition('y')"
     assert pickle.loads(pickle.dumps(UnknownPosition("theta"))) == UnknownPosition("theta")
-    placed = frf.with_coordinates(responses=[TIP, SLOPE])
+    placed = frf.with_(responses=[TIP, SLOPE])
     assert placed.responses == (TIP, SLOPE)
     assert placed.excitations == (UnknownPosition(),)
     with pytest.raises(ValueError, match="direction is 'x'"):

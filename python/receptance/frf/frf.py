@@ -19,7 +19,7 @@ from receptance.frf.interchange import Order, dataset, fields_from_pandas, field
 from receptance.frf.plausibility import drive_point_notes
 from receptance.frf.resampling import resample
 from receptance.frf.variance import interval_factor, pool_entries, saturation_note, variance_from_coherence
-from receptance.model.coordinates import Coordinate, Side
+from receptance.model.coordinates import Coordinate
 from receptance.report import Renderable, Table
 from receptance.report.table import percent
 from receptance.units import FORMS, Form
@@ -435,11 +435,6 @@ class FRF(FRFData, Renderable):
         turned = self._copy(values=values, notes=(*self.notes, note))
         turned._warn_of_contradictions(stacklevel=4)
         return turned
-
-    def with_coordinates(self, responses: Side = None, excitations: Side = None) -> FRF:
-        """Return the FRF with other coordinates; None keeps those of a side."""
-        sides = {"responses": responses, "excitations": excitations}
-        return self.with_(**{name: side for name, side in sides.items() if side is not None})
 
     def with_(self, **changes: Any) -> Self:
         """Return the FRF with some fields replaced, which are checked as on creation.

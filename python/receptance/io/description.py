@@ -133,9 +133,8 @@ def _frf(fields: dict[str, Any], options: ReadOptions, rows: Sequence[int]) -> F
         fields.pop("coherence", None)
     frf = make(FRF, rows=rows, **fields)
     _check_options_agree(frf, options)
-    if options.responses is None and options.excitations is None:
-        return frf
-    return frf.with_coordinates(options.responses, options.excitations)
+    sides = {"responses": options.responses, "excitations": options.excitations}
+    return frf.with_(**{name: side for name, side in sides.items() if side is not None})
 
 
 def _check_options_agree(frf: FRF, options: ReadOptions) -> None:

@@ -12,6 +12,7 @@ from dataclasses import replace
 from receptance.frf import FRF
 from receptance.io.build import ReadOptions
 from receptance.io.column_names import TableColumn, is_unit
+from receptance.io.description import arrays_of
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Measurement
 from receptance.io.tables import NumberTable, measurements_in
@@ -131,7 +132,8 @@ def _lost(frf: FRF, further: str) -> list[str]:
             f"this format holds one response and one excitation, this FRF has {frf.shape[1]} and {frf.shape[2]}; "
             "select one"
         )
-    lost = [name for name in ("coherence", "log_variance", "usable", further) if getattr(frf, name) is not None]
+    lost = [name for name in arrays_of(frf) if name not in ("frequency_hz", "values")]
+    lost += [further] if getattr(frf, further) is not None else []
     return lost + (["decay_rate (the values belong to complex lines)"] if frf.decay_rate else [])
 
 
