@@ -74,7 +74,7 @@ def test_arrays_are_copies():
     ("changes", "error", "words"),
     [
         ({"frequency_hz": []}, ValueError, "FRF 'blank': frequency_hz is empty"),
-        ({"frequency_hz": LINES[::-1]}, ValueError, "not ascending: line 1 is 4950 Hz after 5000 Hz"),
+        ({"frequency_hz": LINES[::-1]}, ValueError, r"not ascending: \[1\] is 4950 Hz after 5000 Hz"),
         ({"frequency_hz": np.r_[LINES[:-1], np.nan]}, ValueError, r"frequency_hz\[99\] is nan"),
         ({"frequency_hz": LINES + 1j}, TypeError, "complex lines follow from decay_rate"),
         ({"frequency_hz": [[1.0], [2.0, 3.0]]}, ValueError, "rows of different lengths"),
@@ -263,7 +263,7 @@ def test_unknown_positions():
     assert Coordinate() != UnknownPosition()
     assert repr(UnknownPosition()) == "UnknownPosition('y')"
     assert pickle.loads(pickle.dumps(UnknownPosition("theta"))) == UnknownPosition("theta")
-    placed = frf.with_coordinates(responses=[TIP, SLOPE])
+    placed = frf.with_(responses=[TIP, SLOPE])
     assert placed.responses == (TIP, SLOPE)
     assert placed.excitations == (UnknownPosition(),)
     with pytest.raises(ValueError, match="direction is 'x'"):
@@ -275,7 +275,7 @@ def test_with_validates_its_fields():
     assert frf.with_(label="nose").label == "nose"
     assert frf.with_(coherence=None).coherence is None
     np.testing.assert_array_equal(frf.with_(label="nose").values, frf.values)
-    with pytest.raises(TypeError, match="no field 'name'; the fields are frequency_hz, values, form"):
+    with pytest.raises(TypeError, match="no field 'name'; the fields are label, source, notes, frequency_hz, values"):
         frf.with_(name="nose")
     with pytest.raises(ValueError, match="coherence at 50 Hz is 2"):
         frf.with_(coherence=2.0)

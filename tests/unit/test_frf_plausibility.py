@@ -259,8 +259,9 @@ def test_creation_warns_of_contradictions_and_keeps_the_data(drive_point):
     assert "The data are unchanged" in text
     assert caught[0].filename == __file__
     np.testing.assert_array_equal(wrong.values, drive_point.values.conj())
-    assert len(wrong.notes) == 1
-    assert wrong.notes[0] in text
+    assert not wrong.notes
+    assert len(wrong.contradictions) == 1
+    assert wrong.contradictions[0] in text
 
 
 def test_reversed_sign_and_another_form_are_both_suggested(drive_point):
@@ -272,16 +273,16 @@ def test_reversed_sign_and_another_form_are_both_suggested(drive_point):
         drive_point.to("mobility").with_(form="receptance")
 
 
-def test_the_note_is_removed_by_a_correction(drive_point):
+def test_contradictions_follow_the_data(drive_point):
     with pytest.warns(ReceptanceWarning, match="drive point"):
         wrong = drive_point.conjugated().with_(label="T1")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        # FRFs derived from one with a note do not warn again.
+        # FRFs derived from one that was warned of do not warn again.
         for derived in (wrong.to("mobility"), wrong.select(low_hz=950.0), wrong.with_(source="file")):
-            assert derived.notes == wrong.notes
-        assert wrong.conjugated().notes == ("conjugated on request", "conjugated on request")
-        assert pickle.loads(pickle.dumps(wrong)).notes == wrong.notes
+            assert len(derived.contradictions) == 1
+        assert not wrong.conjugated().contradictions
+        assert pickle.loads(pickle.dumps(wrong)).contradictions == wrong.contradictions
 
 
 def test_only_known_drive_points_are_checked(drive_point):

@@ -11,6 +11,7 @@ import pytest
 
 from receptance import ReceptanceWarning
 from receptance.io import FileFormatError, TimeSeries, errors, read, read_all, read_frf, read_time_series
+from receptance.io import text as io_text
 from receptance.io.column_names import parse_column
 
 RATE = 51200.0
@@ -270,7 +271,7 @@ def test_no_step_of_reading_is_quadratic(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_the_size_of_a_text_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(errors, "MAX_TEXT", 100)
+    monkeypatch.setattr(io_text, "MAX_TEXT", 100)
     for name in ("a.csv", "a.frf", "a.lvm", "a.csv.gz"):
         content = b"f [Hz],real [m/N],imag [m/N]\n" + b" " * 100
         (tmp_path / name).write_bytes(gzip.compress(content) if name.endswith("gz") else content)

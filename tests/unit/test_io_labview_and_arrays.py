@@ -112,7 +112,7 @@ def test_a_spectrum(tmp_path: Path) -> None:
         ([("Time\tTime", "Depth\tDepth")], "line 13: the first column is 'Depth', expected Time or Frequency"),
         ([(f"{SERIES.values[3, 1]:.6f}", "x")], "line 21: channel 'tip' is 'x', expected a number"),
         ([(f"\t{SERIES.values[3, 1]:.6f}", "")], "line 21: there are 1 columns, expected 2"),
-        ([("Newtons", "")], r"column 'hammer' has no unit; write hammer \[N\]"),
+        ([("Newtons", "")], "channel 'hammer' has no unit; give it"),
     ],
 )
 def test_mistakes(changes: list[tuple[str, str]], message: str, tmp_path: Path) -> None:
@@ -188,15 +188,23 @@ def test_records_in_arrays(tmp_path: Path) -> None:
     ("values", "options", "message"),
     [
         (np.ones((4, 3)), {}, r"an array \(4, 3\) of float64 without names; give them with columns=\[\.\.\.\]"),
-        (np.ones((4, 2)), {"columns": ["a [N]", "b [g]"]}, "no column of times and no sample rate; give it"),
+        (np.ones((4, 2)), {"columns": ["a [N]", "b [g]"]}, "no times and no sample rate; give it"),
         (
             np.ones((2, 2, 2)),
             {"columns": ["a", "b"]},
             r"an array \(2, 2, 2\) of float64, expected numbers",
         ),
-        (np.ones((4, 3)), {"columns": ["f [Hz]", "real [m/N]", "imag [m/N]"]}, "row 2: the frequency is 1 Hz after 1"),
+        (
+            np.ones((4, 3)),
+            {"columns": ["f [Hz]", "real [m/N]", "imag [m/N]"]},
+            "row 2: FRF: frequency_hz is not",
+        ),
         (np.full((4, 2), 1j), {"columns": ["f [Hz]", "H [m/N]"]}, "column 'f' has complex numbers"),
-        (np.array([[1.0, np.nan]]), {"columns": ["f [Hz]", "coherence"]}, "row 1: column 'coherence' is nan"),
+        (
+            np.array([[1.0, np.nan]]),
+            {"columns": ["f [Hz]", "coherence"]},
+            "row 1: Coherence: the coherence at 1",
+        ),
     ],
 )
 def test_arrays_that_are_not_understood(values: np.ndarray, options: dict, message: str, tmp_path: Path) -> None:

@@ -183,11 +183,11 @@ def test_time_series_of_other_programs(path: Path) -> None:
     for changed, options, message in (
         ({**variables, "x": "short"}, {}, "different numbers of samples"),
         (variables, {"unit": "N"}, "a single unit, 'N', was given for 2 channels"),
-        (variables, {"unit": {"hammer": "N"}}, "the unit of channel 'tip' is unknown"),
-        ({"tip": "a"}, {"unit": "g"}, "the sample rate is unknown"),
+        (variables, {"unit": {"hammer": "N"}}, "channel 'tip' has no unit; give it"),
+        ({"tip": "a"}, {"unit": "g"}, "there are no times and no sample rate"),
         ({"time_s": "t"}, {}, "variables names no channel"),
-        ({"time_s": "short", "tip": "a"}, {"unit": "g"}, "there are 3 times for 4 samples"),
-        ({"time_s": "t", "tip": "gap"}, {"unit": "g"}, "sample 1 of 'tip' is nan"),
+        ({"time_s": "short", "tip": "a"}, {"unit": "g"}, "different numbers of samples"),
+        ({"time_s": "t", "tip": "gap"}, {"unit": "g"}, "row 2: TimeSeries: sample 1 of 'tip' is nan"),
     ):
         with pytest.raises(FileFormatError, match=message):
             read(path, variables=changed, **options)

@@ -57,7 +57,7 @@ def test_conjugate_and_reversed_frfs(ending: str) -> None:
 def test_a_drive_point_is_tested_after_its_conversion() -> None:
     tip = RIGHT.with_(responses="y", excitations="y")
     write("tip.npz", tip.with_(values=tip.values.conj(), responses=None, excitations=None))
-    assert read_frf("tip.npz", conjugate=True).with_coordinates("y", "y").notes == ("conjugated on request",)
+    assert read_frf("tip.npz", conjugate=True).with_(responses="y", excitations="y").notes == ("conjugated on request",)
 
 
 def test_time_records_have_no_conjugate() -> None:

@@ -111,7 +111,7 @@ def _tip(
             builder.note(path, f"the receptance includes the mass of the sensor {sensor}")
     else:
         frf = builder.make((*path, "file"), _read, table, reader.folder)
-        for note in () if frf is None else frf.notes:
+        for note in () if frf is None else (*frf.notes, *frf.contradictions):
             builder.note(path, note)
     if frf is not None and table.bands is not None:
         frf = builder.make((*path, "bands"), restrict_to_bands, frf, table.bands)

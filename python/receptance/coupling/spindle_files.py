@@ -14,7 +14,7 @@ from receptance import io
 from receptance._files import read_whole, write_whole
 from receptance.coupling.spindle_receptance import SpindleReceptance
 from receptance.frf import FRF
-from receptance.io.arrays import arrays_in
+from receptance.io.numpy_files import arrays_in
 from receptance.model.terminals import ENTRIES, MeasuredPart
 
 _FORMAT = "receptance spindle 1"

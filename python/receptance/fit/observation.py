@@ -15,14 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
 from receptance.fit.parameters import FACTORS, Site
-from receptance.fit.weights import Floor, Noise, as_floor, low_frequency_notes
+from receptance.fit.weights import Floor, Noise, as_floor
 from receptance.frf import FRF
 from receptance.frf.frf import with_variance
-from receptance.frf.validation import check_form
 from receptance.frf.variance import unused_coherence
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate, UnknownPosition
-from receptance.units import Form
+from receptance.units import FORMS, Form
 
 Unit = Literal["standard deviations", "percent", "logarithm", "relative"]
 """Meaning of a residual of 1: one logarithm is a factor of e, one relative is twice a natural frequency."""
@@ -162,6 +161,7 @@ class Observation:
         form: Form = "receptance",
     ) -> None:
         owner = _owner(label)
+        _checks.one_of(owner, "form", form, FORMS)
         lines = _checks.numbers(owner, "frequency_hz", frequency_hz, "iufc", "real or complex numbers in Hz")
         if lines.ndim != 1:
             raise ValueError(f"{owner}: frequency_hz has shape {lines.shape}, expected one dimension")
@@ -210,7 +210,7 @@ class Observation:
                 "stated_notes": notes,
                 "configuration": str(configuration or label),
                 "ends": None if ends is None else _checks.positive(owner, "ends", ends),
-                "form": check_form(owner, form),
+                "form": form,
             },
         )
 
@@ -340,7 +340,7 @@ class Observation:
                 "correlated_lines": entry.correlated_lines,
                 "noise": Noise(variance=variance, degrees_of_freedom=freedom, floor=least, unused_coherence=unused),
                 "label": name,
-                "stated_notes": (*entry.notes, *notes, *line_notes),
+                "stated_notes": (*entry.notes, *frf.contradictions, *notes, *line_notes),
                 "configuration": str(configuration or name),
                 "force": None if force is None else _checks.by_line(owner, "force", force, lines.shape),
                 "ends": None if ends is None else _checks.positive(owner, "ends", ends),
@@ -485,11 +485,11 @@ class Observation:
         lines, values = self.frequency_hz.real, self.receptance
         if not self.is_receptance:
             return self.noise.deviation, ()
-        deviation, notes = self.noise.weigh(repr(self), lines, values, self.correlated_lines)
+        deviation, notes = self.noise.weigh(
+            repr(self), lines, values, self.correlated_lines, drive_point=self.response == self.excitation
+        )
         if deviation is not None:
             deviation.setflags(write=False)
-        if self.has_values:
-            notes += low_frequency_notes(lines, values, deviation, self.response == self.excitation)
         return deviation, notes
 
     @property

@@ -158,21 +158,30 @@ class Noise:
     """Why a measured coherence gives no variance, and what to do; empty without one."""
 
     def weigh(
-        self, owner: str, lines: NDArray[np.float64], values: NDArray[np.complex128], correlated: NDArray[np.float64]
+        self,
+        owner: str,
+        lines: NDArray[np.float64],
+        values: NDArray[np.complex128],
+        correlated: NDArray[np.float64],
+        *,
+        drive_point: bool,
     ) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
-        """Return the standard deviations `(n,)` of lines that count as independent, and notes on them.
+        """Return the standard deviations `(n,)` of lines that count as independent, and notes on them and on the lines.
 
         None without variance and floor.
         """
+        deviation = self.deviation
+        notes: list[str] = []
         if self.variance is not None:
             deviation, notes = self._measured(owner, self.variance, lines, values, correlated)
-            return deviation, tuple(notes)
-        if not self.floor:
-            return self.deviation, ()
-        variance = self.floor.variance(lines, values)
-        if self.deviation is None:
-            return np.sqrt(variance), (f"there is no variance: the floor of {self.floor} is its standard deviation",)
-        return np.sqrt(variance + self.deviation**2), ()
+        elif self.floor:
+            variance = self.floor.variance(lines, values)
+            if deviation is None:
+                notes = [f"there is no variance: the floor of {self.floor} is its standard deviation"]
+            deviation = np.sqrt(variance if deviation is None else variance + deviation**2)
+        if not np.isnan(values).any():
+            notes += _low_frequency_notes(lines, values, deviation, drive_point)
+        return deviation, tuple(notes)
 
     def _measured(
         self,
@@ -214,7 +223,7 @@ class Noise:
         return deviation, notes
 
 
-def low_frequency_notes(
+def _low_frequency_notes(
     lines: NDArray[np.float64], values: NDArray[np.complex128], deviation: NDArray[np.float64] | None, drive_point: bool
 ) -> tuple[str, ...]:
     """Return a note on low-frequency lines that are integrated noise or drift beyond the standard deviations."""

@@ -2,35 +2,113 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from receptance.model.coordinates import Coordinate
+from receptance import _checks
+from receptance.frf import fields
+from receptance.frf.fields import Field, Labelled, without_undefined_zero_line
+from receptance.model.coordinates import Coordinate, Side
 from receptance.units import Form, FRFKind, frf_unit
 
 
-@dataclass(frozen=True, init=False, eq=False, repr=False)
-class FRFData:
-    """Fields of an `FRF`, whose documentation states their meaning."""
+def _coherence(frf: Any, name: str, value: ArrayLike | None) -> NDArray[np.float64] | None:
+    array = fields.per_entry()(frf, name, value)
+    return None if array is None else fields.coherence(frf, array)
 
-    frequency_hz: NDArray[np.float64]
-    values: NDArray[np.complex128]
-    form: Form
-    responses: tuple[Coordinate, ...]
-    excitations: tuple[Coordinate, ...]
-    decay_rate: float
-    coherence: NDArray[np.float64] | None
-    averages: int | None
-    log_variance: NDArray[np.float64] | None
-    degrees_of_freedom: NDArray[np.float64] | None
-    correlated_lines: NDArray[np.float64]
-    usable: NDArray[np.bool_] | None
-    labels: tuple[tuple[str, ...], tuple[str, ...]] | None
-    label: str
-    source: str
-    notes: tuple[str, ...]
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class FRFData(Labelled):
+    """Fields of an `FRF`, whose docstring lists them; a check may use the fields above its own."""
+
+    frequency_hz: Field[ArrayLike, NDArray[np.float64]] = Field(
+        fields.lines,
+        "array_like",
+        "`(n,)` ascending lines in Hz; the first may be at 0 Hz. It is dropped with a note if its values are not "
+        "finite.",
+        axes="lines",
+    )
+    values: Field[ArrayLike, NDArray[np.complex128]] = Field(
+        fields.values,
+        "array_like",
+        "`(n,)` or `(n, n_responses, n_excitations)` complex, in SI units of the form, for e^(+i w t).",
+        axes="entries",
+    )
+    form: Field[Form, Form] = Field(
+        fields.form,
+        '{"receptance", "mobility", "accelerance"}',
+        "Displacement, velocity or acceleration per load.",
+        default="receptance",
+    )
+    responses: Field[Side, tuple[Coordinate, ...]] = Field(
+        fields.places(1),
+        "Coordinate or sequence",
+        'Where motion was measured; "y" or "theta" if only the direction is known. By default y at an unknown '
+        "position.",
+        default=None,
+    )
+    excitations: Field[Side, tuple[Coordinate, ...]] = Field(
+        fields.places(2),
+        "Coordinate or sequence",
+        'Where loads acted, as for `responses`. Direction "theta" means per moment.',
+        default=None,
+    )
+    decay_rate: Field[float, float] = Field(
+        lambda frf, name, value: _checks.not_negative(frf.owner, name, value, unit="1/s"),
+        "float",
+        "sigma in 1/s of an exponential window exp(-sigma t) on force and response; the values are then those at the "
+        "complex frequencies w - i sigma.",
+        default=0.0,
+    )
+    coherence: Field[ArrayLike | None, NDArray[np.float64] | None] = Field(
+        _coherence, "array_like", "From 0 to 1, shaped as `values` or `(n,)`.", axes="entries", default=None
+    )
+    averages: Field[int | None, int | None] = Field(
+        lambda frf, name, value: None if value is None else fields.average_count(frf.owner, value),
+        "int",
+        "Number of averages.",
+        default=None,
+    )
+    log_variance: Field[ArrayLike | None, NDArray[np.float64] | None] = Field(
+        fields.per_entry(at_least=0.0),
+        "array_like",
+        "Variance of the real part, and of the imaginary part, of the logarithm of the values; shaped as `values`, "
+        "`(n,)` or one number. Infinite where it is unknown.",
+        axes="entries",
+        default=None,
+    )
+    degrees_of_freedom: Field[ArrayLike | None, NDArray[np.float64] | None] = Field(
+        fields.per_entry(above=0.0),
+        "array_like",
+        "Degrees of freedom of that variance; infinite or None if it is known exactly.",
+        axes="entries",
+        default=None,
+    )
+    correlated_lines: Field[ArrayLike, NDArray[np.float64]] = Field(
+        lambda frf, name, value: _checks.by_line(frf.owner, name, value, frf.frequency_hz.shape, least=1.0),
+        "array_like",
+        "Number of neighbouring lines per independent value (exponential windows and zero padding correlate lines), "
+        "one number or `(n,)`.",
+        axes="lines",
+        default=1.0,
+    )
+    usable: Field[ArrayLike | None, NDArray[np.bool_] | None] = Field(
+        fields.usable, "array_like of bool", "`(n,)` lines inside the usable band.", axes="lines", default=None
+    )
+    labels: Field[Sequence[Sequence[str]] | None, tuple[tuple[str, ...], tuple[str, ...]] | None] = Field(
+        fields.labels,
+        "pair of sequences of str",
+        "Names of the responses and of the excitations in the file.",
+        default=None,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        without_undefined_zero_line(self, PER_ENTRY)
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -87,3 +165,11 @@ class FRFData:
 def band_text(frequency_hz: NDArray[np.float64]) -> str:
     """Return the band of lines as text, for messages."""
     return f", {frequency_hz[0]:g} to {frequency_hz[-1]:g} Hz" if frequency_hz.size else ""
+
+
+def _with_axes(axes: str) -> tuple[str, ...]:
+    return tuple(name for name, field in FRFData.declared.items() if field.axes == axes)
+
+
+PER_LINE, PER_ENTRY, WITHOUT_AXES = _with_axes("lines"), _with_axes("entries"), _with_axes("")
+"""Names of the arrays by line, of those by line and entry, and of the other fields."""

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Self, TypeAlias, TypedDict, Unpack
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.errors import ReceptanceWarning
-from receptance.frf.data import FRFData, band_text
+from receptance.frf import fields
+from receptance.frf.data import PER_ENTRY, PER_LINE, FRFData, band_text
+from receptance.frf.fields import store, without_undefined_zero_line
 from receptance.frf.interchange import Order, dataset, fields_from_pandas, fields_from_xarray, frame, ordered, reordered
-from receptance.frf.plausibility import DRIVE_POINT_NOTE, drive_point_notes
+from receptance.frf.plausibility import drive_point_notes
 from receptance.frf.resampling import resample
-from receptance.frf.validation import check_form, check_lines, checked_fields
 from receptance.frf.variance import interval_factor, pool_entries, saturation_note, variance_from_coherence
-from receptance.model.coordinates import Coordinate, Side
+from receptance.model.coordinates import Coordinate
 from receptance.report import Renderable, Table
 from receptance.report.table import percent
 from receptance.units import FORMS, Form
@@ -30,75 +31,18 @@ if TYPE_CHECKING:
 Selection: TypeAlias = Coordinate | str | int | Sequence[Coordinate | str | int] | None
 """Responses or excitations to select: by number, coordinate or label; all by default."""
 
-_PER_ENTRY = ("values", "coherence", "log_variance", "degrees_of_freedom")
-"""Fields with an array of lines by responses by excitations."""
-_PER_LINE = (*_PER_ENTRY, "correlated_lines", "usable")
-"""Fields with an array whose first axis is that of the lines."""
-_PHYSICAL = {"frequency_hz", "values", "form", "responses", "excitations", "usable"}
+_ASSIGNED = ("frequency_hz", "values")
+"""Fields whose change requires a check of all others."""
+_PHYSICAL = {*_ASSIGNED, "form", "responses", "excitations", "usable"}
 """Fields whose change requires a new plausibility check of the drive points."""
 
 
-class FRFFields(TypedDict, total=False):
-    """Fields of an FRF that `FRF.with_` replaces; their meaning is described there."""
-
-    frequency_hz: ArrayLike
-    values: ArrayLike
-    form: Form
-    responses: Side
-    excitations: Side
-    decay_rate: float
-    coherence: ArrayLike | None
-    averages: int | None
-    log_variance: ArrayLike | None
-    degrees_of_freedom: ArrayLike | None
-    correlated_lines: ArrayLike
-    usable: ArrayLike | None
-    labels: Sequence[Sequence[str]] | None
-    label: str
-    source: str
-    notes: Sequence[str]
-
-
-@dataclass(frozen=True, init=False, eq=False, repr=False)
 class FRF(FRFData, Renderable):
     """Frequency response function (FRF) between one or several excitations and responses.
 
     Parameters
     ----------
-    frequency_hz : array_like
-        `(n,)` ascending lines in Hz; the first may be at 0 Hz. It is dropped with a note if its values are not finite.
-    values : array_like
-        `(n,)` or `(n, n_responses, n_excitations)` complex, in SI units of the form, for e^(+i w t).
-    form : {"receptance", "mobility", "accelerance"}, optional
-        Displacement, velocity or acceleration per load.
-    responses, excitations : Coordinate or sequence, optional
-        Where motion was measured and where loads acted; "y" or "theta" if only the direction is known. Direction
-        "theta" of an excitation means per moment. By default y at an unknown position.
-    decay_rate : float, optional
-        sigma in 1/s of an exponential window exp(-sigma t) on force and response; the values are then those at the
-        complex frequencies w - i sigma.
-    coherence : array_like, optional
-        From 0 to 1, shaped as `values` or `(n,)`.
-    averages : int, optional
-        Number of averages.
-    log_variance : array_like, optional
-        Variance of the real part, and of the imaginary part, of the logarithm of the values; shaped as `values`,
-        `(n,)` or one number. Infinite where it is unknown.
-    degrees_of_freedom : array_like, optional
-        Degrees of freedom of that variance; infinite or None if it is known exactly.
-    correlated_lines : array_like, optional
-        Number of neighbouring lines per independent value (exponential windows and zero padding correlate lines), one
-        number or `(n,)`.
-    usable : array_like of bool, optional
-        `(n,)` lines inside the usable band.
-    labels : pair of sequences of str, optional
-        Names of the responses and of the excitations in the file.
-    label : str, optional
-        Free-text label.
-    source : str, optional
-        File and reader, or origin of the FRF.
-    notes : sequence of str, optional
-        Notes for the user: changes to the data, doubts.
+    {fields}
 
     Attributes
     ----------
@@ -132,28 +76,18 @@ class FRF(FRFData, Renderable):
     plotted_by = "receptance.frf.figure:draw_frf"
     drawn_in_notebooks = True
 
-    def __init__(
-        self,
-        *,
-        frequency_hz: ArrayLike,
-        values: ArrayLike,
-        form: Form = "receptance",
-        responses: Side = None,
-        excitations: Side = None,
-        decay_rate: float = 0.0,
-        coherence: ArrayLike | None = None,
-        averages: int | None = None,
-        log_variance: ArrayLike | None = None,
-        degrees_of_freedom: ArrayLike | None = None,
-        correlated_lines: ArrayLike = 1.0,
-        usable: ArrayLike | None = None,
-        labels: Sequence[Sequence[str]] | None = None,
-        label: str = "",
-        source: str = "",
-        notes: Sequence[str] = (),
-    ) -> None:
-        _checks.set_fields(self, checked_fields(locals()))
-        self._check_drive_points()
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._warn_of_contradictions(stacklevel=4)
+
+    def _warn_of_contradictions(self, stacklevel: int) -> None:
+        for contradiction in self.contradictions:
+            warnings.warn(f"{self!r}: {contradiction}", ReceptanceWarning, stacklevel=stacklevel)
+
+    @cached_property
+    def contradictions(self) -> tuple[str, ...]:
+        """A note on each drive point whose peaks contradict the form, the sign or the time convention."""
+        return tuple(drive_point_notes(self))
 
     def to(self, form: Form) -> FRF:
         """Return the FRF in another form: multiplied by a power of i w, with the complex w of an exponential window.
@@ -173,7 +107,7 @@ class FRF(FRFData, Renderable):
         >>> mass.to("receptance").notes
         ('the line at 0 Hz is dropped: the displacement does not follow from the acceleration there',)
         """
-        new = check_form(repr(self), form)
+        new = fields.form(self, "form", form)
         if new == self.form:
             return self
         source, notes = self, self.notes
@@ -261,7 +195,7 @@ class FRF(FRFData, Renderable):
         >>> frf.resample([15.0, 30.0]).values.ravel().real
         array([3.5, 2. ])
         """
-        changes, warning = resample(self, check_lines(repr(self), frequency_hz))
+        changes, warning = resample(self, fields.lines(self, "frequency_hz", frequency_hz))
         if warning:
             warnings.warn(f"{self!r}: {warning}", ReceptanceWarning, stacklevel=2)
         return self._copy(**changes)
@@ -491,19 +425,24 @@ class FRF(FRFData, Renderable):
 
     def conjugated(self) -> FRF:
         """Return the complex conjugate, for files written for e^(-i w t), with a note."""
-        return self._checked_copy({"values": self.values.conj(), "notes": (*self.notes, "conjugated on request")})
+        return self._turned(self.values.conj(), "conjugated on request")
 
     def flipped(self) -> FRF:
         """Return the FRF with the opposite sign, for a sensor or hammer of reversed direction, with a note."""
-        return self._checked_copy({"values": -self.values, "notes": (*self.notes, "sign changed on request")})
+        return self._turned(-self.values, "sign changed on request")
 
-    def with_coordinates(self, responses: Side = None, excitations: Side = None) -> FRF:
-        """Return the FRF with other coordinates; None keeps those of a side."""
-        sides = {"responses": responses, "excitations": excitations}
-        return self._checked_copy({name: side for name, side in sides.items() if side is not None})
+    def _turned(self, values: NDArray[np.complex128], note: str) -> FRF:
+        turned = self._copy(values=values, notes=(*self.notes, note))
+        turned._warn_of_contradictions(stacklevel=4)
+        return turned
 
-    def with_(self, **changes: Unpack[FRFFields]) -> FRF:
-        """Return the FRF with some fields replaced, validated as on creation.
+    def with_(self, **changes: Any) -> Self:
+        """Return the FRF with some fields replaced, which are checked as on creation.
+
+        Parameters
+        ----------
+        **changes
+            New values of fields, by name.
 
         Examples
         --------
@@ -511,47 +450,37 @@ class FRF(FRFData, Renderable):
         >>> FRF(frequency_hz=[10.0], values=[1e-6]).with_(label="nose").label
         'nose'
         """
-        names = [field.name for field in fields(self)]
         for name in changes:
-            if name not in names:
-                raise TypeError(f"{self!r} has no field {name!r}; the fields are {', '.join(names)}")
-        return self._checked_copy({**changes})
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        _checks.set_fields(self, state)
-
-    def _check_drive_points(self, stacklevel: int = 3) -> None:
-        """Warn of drive points that contradict the declared form, and add the warnings to the notes."""
-        contradictions = drive_point_notes(self)
-        for text in contradictions:
-            warnings.warn(f"{self!r}: {text}", ReceptanceWarning, stacklevel=stacklevel)
-        _checks.set_fields(self, {"notes": (*self.notes, *contradictions)})
-
-    def _checked_copy(self, changes: dict[str, Any]) -> Self:
-        """Return a copy with some fields replaced and validated."""
-        arguments = {field.name: getattr(self, field.name) for field in fields(self)} | changes
-        recheck = not changes.keys().isdisjoint(_PHYSICAL)
-        if recheck:
-            arguments["notes"] = tuple(note for note in arguments["notes"] if not note.startswith(DRIVE_POINT_NOTE))
-        copy = object.__new__(type(self))
-        _checks.set_fields(copy, checked_fields(arguments))
-        if recheck:
-            copy._check_drive_points(stacklevel=4)
+            if name not in self.declared:
+                raise TypeError(f"{self!r} has no field {name!r}; the fields are {', '.join(self.declared)}")
+        if not changes.keys().isdisjoint(_ASSIGNED):
+            changes = {name: getattr(self, name) for name in self.declared} | changes
+        copy = self._copy()
+        for name, field in self.declared.items():
+            if name in changes:
+                store(copy, name, field.check(copy, name, changes[name]))
+        without_undefined_zero_line(copy, [name for name in PER_ENTRY if name in changes])
+        if not _PHYSICAL.isdisjoint(changes):
+            copy._warn_of_contradictions(stacklevel=3)
         return copy
 
     def _copy(self, **changes: Any) -> Self:
-        """Return a copy with some fields replaced that need no validation."""
+        """Return a copy with some fields replaced that need no check."""
+        for name, value in changes.items():
+            if isinstance(value, np.ndarray):
+                changes[name] = np.ascontiguousarray(value)
+                changes[name].setflags(write=False)
         copy = object.__new__(type(self))
-        _checks.set_fields(copy, {**{field.name: getattr(self, field.name) for field in fields(self)}, **changes})
+        copy.__dict__.update({name: getattr(self, name) for name in self.declared} | changes)
         return copy
 
     def on_lines(self, chosen: NDArray[np.bool_] | slice) -> Self:
         """Return the FRF on some of its lines."""
-        arrays = {name: getattr(self, name) for name in ("frequency_hz", *_PER_LINE)}
+        arrays = {name: getattr(self, name) for name in (*PER_LINE, *PER_ENTRY)}
         return self._copy(**{name: array[chosen] for name, array in arrays.items() if array is not None})
 
     def _of_entries(self, rows: list[int], columns: list[int]) -> Self:
-        arrays = {name: getattr(self, name) for name in _PER_ENTRY}
+        arrays = {name: getattr(self, name) for name in PER_ENTRY}
         changes: dict[str, Any] = {
             name: array[:, rows][:, :, columns] for name, array in arrays.items() if array is not None
         }

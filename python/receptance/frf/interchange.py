@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance._extras import require
-from receptance.frf.data import FRFData
+from receptance.frf.data import PER_ENTRY, PER_LINE, WITHOUT_AXES, FRFData
 from receptance.model.coordinates import Coordinate, UnknownPosition
 
 if TYPE_CHECKING:
@@ -21,14 +21,12 @@ Order: TypeAlias = Literal["lines first", "lines last"]
 """Lines, responses, excitations (here and in pyFBS), or responses, excitations, lines (pyFRF, sdypy)."""
 FREQUENCY, RESPONSE, EXCITATION = _DIMENSIONS = ("frequency_hz", "response", "excitation")
 """Dimensions of the data set."""
-_QUALITY = {
-    "coherence": "coherence",
+_ARRAYS = [name for name in (*PER_ENTRY, *PER_LINE) if name not in ("values", FREQUENCY)]
+"""Fields that are variables of the data set under their own name."""
+_LONG_NAMES = {
     "log_variance": "variance of the real and of the imaginary part of the logarithm",
     "degrees_of_freedom": "degrees of freedom of the variance",
 }
-"""Fields with a number for each entry, and their long names."""
-_BY_LINE = ("correlated_lines", "usable")
-"""Fields with a number for each line."""
 
 
 def _check(order: str) -> None:
@@ -61,12 +59,11 @@ def dataset(frf: FRFData) -> xarray.Dataset:
     arrays: dict[str, Any] = {"frf": (_DIMENSIONS, frf.values, {"long_name": frf.form})}
     if len(frf.distinct_units) == 1:
         arrays["frf"][2]["units"] = frf.unit
-    for name, long_name in _QUALITY.items():
+    for name in _ARRAYS:
         if getattr(frf, name) is not None:
-            arrays[name] = (_DIMENSIONS, getattr(frf, name), {"long_name": long_name, "units": "1"})
-    for name in _BY_LINE:
-        if getattr(frf, name) is not None:
-            arrays[name] = (FREQUENCY, getattr(frf, name))
+            axes = _DIMENSIONS if name in PER_ENTRY else FREQUENCY
+            attributes = {"long_name": _LONG_NAMES.get(name, name.replace("_", " ")), "units": "1"}
+            arrays[name] = (axes, getattr(frf, name), attributes)
     coordinates: dict[str, Any] = {
         FREQUENCY: (FREQUENCY, frf.frequency_hz, {"long_name": "frequency", "units": "Hz"}),
         "unit": (_DIMENSIONS[1:], np.array(frf.units)),
@@ -77,18 +74,10 @@ def dataset(frf: FRFData) -> xarray.Dataset:
         coordinates[f"{title}_direction"] = (title, [coordinate.direction for coordinate in side])
         if labels is not None:
             coordinates[f"{title}_label"] = (title, list(labels))
-    attributes = {
-        "form": frf.form,
-        "decay_rate": frf.decay_rate,
-        "responses": [repr(coordinate) for coordinate in frf.responses],
-        "excitations": [repr(coordinate) for coordinate in frf.excitations],
-        "label": frf.label,
-        "source": frf.source,
-        "notes": list(frf.notes),
-    }
-    if frf.averages is not None:
-        attributes["averages"] = frf.averages
-    return xarray.Dataset(arrays, coordinates, attributes)
+    stated = {name: getattr(frf, name) for name in WITHOUT_AXES if name != "labels" and getattr(frf, name) is not None}
+    for name in ("responses", "excitations", "notes"):
+        stated[name] = [item if isinstance(item, str) else repr(item) for item in stated[name]]
+    return xarray.Dataset(arrays, coordinates, stated)
 
 
 def fields_from_xarray(data: xarray.Dataset) -> dict[str, Any]:
@@ -100,16 +89,16 @@ def fields_from_xarray(data: xarray.Dataset) -> dict[str, Any]:
             f"from_xarray: the data set has no {lacking}, expected one of FRF.to_xarray; build others with "
             "FRF(frequency_hz=..., values=...)"
         )
-    names = {"values": "frf", **{name: name for name in _QUALITY if name in data}}
-    fields: dict[str, Any] = {name: data[own].transpose(*_DIMENSIONS).values for name, own in names.items()}
-    fields |= {name: data[name].values for name in (FREQUENCY, *_BY_LINE) if name in data.variables}
-    attributes = data.attrs
-    fields |= {
-        name: attributes[name] for name in ("form", "decay_rate", "averages", "label", "source") if name in attributes
-    }
-    fields["notes"] = tuple(attributes.get("notes", ()))
-    for side in (RESPONSE, EXCITATION):
-        fields[f"{side}s"] = [_coordinate(text) for text in np.atleast_1d(attributes[f"{side}s"]).tolist()]
+    fields: dict[str, Any] = {"values": data["frf"].transpose(*_DIMENSIONS).values}
+    for name in (FREQUENCY, *_ARRAYS):
+        if name in data.variables:
+            fields[name] = data[name].transpose(*_DIMENSIONS[: data[name].ndim]).values
+    fields |= {name: data.attrs[name] for name in WITHOUT_AXES if name in data.attrs}
+    for name in ("responses", "excitations", "notes"):
+        # A list of one text is a text in a file of NetCDF.
+        fields[name] = np.atleast_1d(data.attrs.get(name, ())).tolist()
+    for name in ("responses", "excitations"):
+        fields[name] = [_coordinate(text) for text in fields[name]]
     if f"{RESPONSE}_label" in data.coords:
         fields["labels"] = tuple(tuple(data[f"{side}_label"].values.tolist()) for side in (RESPONSE, EXCITATION))
     return fields

@@ -28,8 +28,6 @@ from receptance.frf.data import FRFData
 from receptance.model.coordinates import UnknownPosition
 from receptance.units import FORMS, Form
 
-DRIVE_POINT_NOTE = "drive point "
-"""Prefix of the notes of `drive_point_notes`, which are replaced when the data change."""
 _PROMINENCE = float(np.log(3.0))
 """Least prominence of a peak in the log magnitude; lower peaks are distorted by their neighbours."""
 _MAX_PEAKS = 24
@@ -127,7 +125,7 @@ def drive_point_notes(frf: FRFData) -> list[str]:
                 continue
             verdict = check_drive_point(frf.frequency_hz[chosen], frf.values[chosen, i, j], frf.form)
             if verdict.reason:
-                notes.append(f"{DRIVE_POINT_NOTE}{response.describe()}: {verdict.reason}. The data are unchanged")
+                notes.append(f"drive point {response.describe()}: {verdict.reason}. The data are unchanged")
     return notes
 
 

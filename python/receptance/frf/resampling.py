@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from receptance.frf.data import FRFData
+from receptance.frf.data import PER_ENTRY, FRFData
 from receptance.report.table import percent
 
 _SAME_LINE = 1e-9
@@ -131,8 +131,8 @@ def resample(frf: FRFData, frequency_hz: NDArray[np.float64]) -> tuple[dict[str,
     """Return the fields that change on other lines, and a warning or an empty text; see `FRF.resample`."""
     positions = interpolate(frf.frequency_hz, frequency_hz, repr(frf))
     values, curvature = positions.spline(frf.values)
-    quality = {name: getattr(frf, name) for name in ("coherence", "log_variance", "degrees_of_freedom")}
-    changes: dict[str, Any] = {name: positions.linear(array) for name, array in quality.items() if array is not None}
+    arrays = {name: getattr(frf, name) for name in PER_ENTRY if name != "values"}
+    changes: dict[str, Any] = {name: positions.linear(array) for name, array in arrays.items() if array is not None}
     if frf.usable is not None:
         changes["usable"] = positions.both(frf.usable)
     # Lines further apart are less correlated.

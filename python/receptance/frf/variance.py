@@ -15,7 +15,7 @@ from scipy import special
 
 from receptance import _checks
 from receptance.frf.data import FRFData
-from receptance.frf.validation import average_count
+from receptance.frf.fields import average_count
 
 _HALF_WIDTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 _TARGET_FREEDOM = 60.0
@@ -153,20 +153,37 @@ def pool_variance(
     """
     owner = "pool_variance"
     values = _checks.unmasked(owner, "values", values)
-    result = _checks.unmasked(owner, "log_variance", log_variance, np.float64).copy()
-    freedoms = _checks.unmasked(owner, "degrees_of_freedom", degrees_of_freedom, np.float64)
-    line_freedom = np.array(np.broadcast_to(freedoms, values.shape))
+    variance, freedom, correlated = (
+        np.broadcast_to(_checks.unmasked(owner, name, number, np.float64), values.shape)
+        for name, number in (
+            ("log_variance", log_variance),
+            ("degrees_of_freedom", degrees_of_freedom),
+            ("correlated_lines", correlated_lines),
+        )
+    )
+    if half_width is not None:
+        half_width = int(_checks.not_negative(owner, "half_width", half_width))
+    return _pooled(values, variance, freedom, correlated, half_width)
+
+
+def _pooled(
+    values: NDArray[np.complex128],
+    log_variance: NDArray[np.float64],
+    degrees_of_freedom: NDArray[np.float64],
+    correlated_lines: NDArray[np.float64],
+    half_width: int | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return what `pool_variance` returns, from arrays `(n,)`."""
+    result, line_freedom = log_variance.copy(), degrees_of_freedom.copy()
     known = np.isfinite(result) & np.isfinite(line_freedom) & (values != 0.0)
-    shares = _checks.unmasked(owner, "correlated_lines", correlated_lines, np.float64)
-    correlated = np.broadcast_to(shares, values.shape)[known]
+    correlated = correlated_lines[known]
     gain = np.abs(values[known]) ** 2
     gain /= gain.max(initial=np.finfo(float).tiny)
     scatter = result[known] * gain
     if half_width is None:
         widths = [width for width in _HALF_WIDTHS if width <= (gain.size - 1) // 2]
     else:
-        width = _checks.not_negative("pool_variance", "half_width", half_width)
-        widths = [min(int(width), (gain.size - 1) // 2)]
+        widths = [min(half_width, (gain.size - 1) // 2)]
     # Simulated data without noise have zero variance and are not fitted.
     if not scatter.any() or not widths or widths[0] < 1:
         return result, line_freedom
@@ -288,7 +305,7 @@ def pool_entries(
     variance, freedom = log_variance.copy(), degrees_of_freedom.copy()
     for i, j in np.ndindex(frf.values.shape[1:]):
         entry = frf.values[:, i, j], log_variance[:, i, j], degrees_of_freedom[:, i, j]
-        variance[:, i, j], freedom[:, i, j] = pool_variance(*entry, correlated_lines=frf.correlated_lines)
+        variance[:, i, j], freedom[:, i, j] = _pooled(*entry, frf.correlated_lines)
     return variance, freedom
 
 

@@ -1,14 +1,11 @@
-"""Named arrays in files: several measurements of this library, or the variables of other programs; NPZ files."""
+"""Named arrays in files: several measurements of this library, or the variables of other programs."""
 
 from __future__ import annotations
 
-import io
 import json
-import math
 import re
-import zipfile
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,7 +13,6 @@ from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.io.build import (
-    SI,
     ReadOptions,
     complex_values,
     make,
@@ -24,13 +20,13 @@ from receptance.io.build import (
     missing_phase_notes,
     phase_notes,
     resolve_frf,
-    sampling,
     to_si,
 )
+from receptance.io.column_names import TableColumn
 from receptance.io.description import ABOUT, ARRAYS, about_text, arrays_of, kind_of, measurement_of, parse_about
-from receptance.io.errors import FileFormatError, check_size, check_time, error_location
-from receptance.io.measurements import Coherence, Measurement, TimeSeries
-from receptance.io.sdynpy import is_sdynpy, read_sdynpy
+from receptance.io.errors import FileFormatError, error_location
+from receptance.io.measurements import Coherence, Measurement
+from receptance.io.tables import measurements_in_rows
 
 _FRF_KEYS = (
     "frequency_hz",
@@ -163,7 +159,7 @@ def _external(arrays: Mapping[str, NDArray[Any]], options: ReadOptions, listing:
         )
     if is_frf or (options.variables is not None and "frequency_hz" not in names):
         variables = {role: _variable(arrays, role, name, listing) for role, name in names.items()}
-        return (_external_frf if is_frf else _external_time_series)(variables, names, options)
+        return _external_frf(variables, names, options) if is_frf else _external_time_series(variables, names, options)
     raise FileFormatError(
         "this file was not written by receptance; name its variables and their unit. For an FRF: "
         "variables={'frequency_hz': ..., 'values': ..., 'coherence': ...} and unit='m/s^2/N', for example, with 'real' "
@@ -290,118 +286,16 @@ def _by_line(name: str, array: NDArray[Any], n: int, options: ReadOptions) -> ND
 
 def _external_time_series(
     variables: dict[str, NDArray[Any]], names: Mapping[str, str], options: ReadOptions
-) -> TimeSeries:
+) -> Measurement:
     """Return the time series of variables by channel; `names` are those in the file."""
-    columns = {channel: _one_column(channel, names[channel], array) for channel, array in variables.items()}
-    seconds = columns.pop("time_s", None)
-    if not columns:
+    channels = {name: _one_column(name, names[name], array) for name, array in variables.items()}
+    seconds = channels.pop("time_s", None)
+    if not channels:
         raise FileFormatError("variables names no channel beside 'time_s'")
-    sizes = {name: column.size for name, column in columns.items()}
-    count = next(iter(sizes.values()))
-    if any(size != count for size in sizes.values()):
-        raise FileFormatError(f"the channels have different numbers of samples: {sizes}")
-    units = options.channel_units(list(columns))
-    for name, unit in zip(columns, units, strict=True):
-        if unit is None or unit == SI:
-            raise FileFormatError(
-                f"the unit of channel {name!r} is unknown; give it, for example unit={{{name!r}: 'N'}}"
-            )
-    if seconds is not None:
-        if seconds.size != count:
-            raise FileFormatError(f"there are {seconds.size} times for {count} samples")
-        if seconds.size == 0 or not np.all(np.isfinite(seconds)):
-            raise FileFormatError("the times are not finite numbers")
-        rate, start = sampling(seconds, options)
-    elif options.sample_rate_hz is not None:
-        rate, start = options.sample_rate_hz, 0.0
-    else:
-        raise FileFormatError("the sample rate is unknown; give 'time_s' in variables=, or sample_rate_hz=")
-    values = np.stack(list(columns.values()), axis=1)
-    return make(TimeSeries, values=values, channels=list(columns), units=units, sample_rate_hz=rate, start_s=start)
-
-
-_KINDS = "biufcU"
-_BROKEN = (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, OSError, RuntimeError, ValueError, IndexError)
-
-
-def is_npz(start: bytes) -> bool:
-    """Return whether a file begins like a zip file."""
-    return start.startswith(b"PK\x03\x04")
-
-
-def npz_bytes(measurements: Sequence[Measurement]) -> bytes:
-    """Return the contents of an NPZ file; all fields are stored."""
-    buffer = io.BytesIO()
-    arrays: dict[str, Any] = {
-        name: np.asarray(value) for name, value in named_items(measurements, separator=".").items()
-    }
-    np.savez(buffer, **arrays)
-    return buffer.getvalue()
-
-
-def read_npz(data: bytes, options: ReadOptions) -> list[Measurement]:
-    """Return the measurements in an NPZ file: those written by this library, else the arrays of the options."""
-    arrays = arrays_in(data)
-    if options.variables is None and is_sdynpy(arrays):
-        return read_sdynpy(arrays, options)
-    return measurements_of(arrays, options, separator=".")
-
-
-def arrays_in(data: bytes) -> dict[str, Any]:
-    """Return the arrays of an NPZ file by name, texts as str; damaged files and Python objects raise.
-
-    The fields of structured arrays are arrays of their own, such as data.abscissa.
-    """
-    arrays: dict[str, Any] = {}
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
-            # No member is expanded beyond its declared size.
-            check_size(sum(member.file_size for member in members), "the arrays")
-            for member in members:
-                check_time()
-                name = member.filename.removesuffix(".npy")
-                with error_location(place=f"array {name!r}"):
-                    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-                        raise FileFormatError(f"the compression {member.compress_type} is not one of NumPy's")
-                    arrays.update(_with_fields(name, parse_npy(archive.read(member))))
-    except FileFormatError:
-        raise
-    except _BROKEN as error:
-        raise FileFormatError(f"this is not a complete NPZ file: {error}") from None
-    return arrays
-
-
-def _with_fields(name: str, array: NDArray[Any] | str) -> Iterator[tuple[str, NDArray[Any] | str]]:
-    """Yield an array by its name, or the fields of a structured one."""
-    if isinstance(array, str) or array.dtype.names is None:
-        yield name, array
-        return
-    for field in array.dtype.names:
-        yield from _with_fields(f"{name}.{field}", array[field])
-
-
-def parse_npy(content: bytes) -> NDArray[Any] | str:
-    """Return the array or text of an NPY file, after checking its declared size against that of the data."""
-    stream = io.BytesIO(content)
-    try:
-        version = np.lib.format.read_magic(stream)
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, by_column, dtype = read(stream)
-    except Exception as error:
-        # NumPy evaluates the header as a Python literal, and damaged ones raise various errors.
-        raise FileFormatError(f"the header is damaged: {error}") from None
-    if (dtype.kind not in _KINDS and dtype.names is None) or dtype.hasobject:
-        raise FileFormatError(f"the dtype is {dtype}, expected numbers or text: Python objects (pickles) are not read")
-    start, count = stream.tell(), math.prod(shape)
-    size = len(content) - start
-    if any(length < 0 for length in shape) or len(shape) > 8 or count * dtype.itemsize != size:
-        raise FileFormatError(f"shape {shape} of {dtype} takes {count * dtype.itemsize} bytes, there are {size}")
-    if not size:
-        return np.zeros(0)
-    flat = np.frombuffer(content, dtype=dtype, count=count, offset=start)
-    array = flat.reshape(shape, order="F" if by_column else "C")
-    try:
-        return str(array[()]) if dtype.kind == "U" and not shape else array
-    except (UnicodeError, ValueError):
-        raise FileFormatError("the text is damaged") from None
+    axis = {} if seconds is None else {"time_s": seconds}
+    sizes = {name: column.size for name, column in (axis | channels).items()}
+    if len(set(sizes.values())) > 1 or 0 in sizes.values():
+        raise FileFormatError(f"the channels and their times have different numbers of samples, or none: {sizes}")
+    columns = [TableColumn("time_s", "s", "time")] * len(axis) + [TableColumn(c, None, "channel") for c in channels]
+    (series,) = measurements_in_rows(columns, list((axis | channels).values()), options)
+    return series

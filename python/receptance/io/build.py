@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, TypeVar
 
@@ -13,7 +13,7 @@ from receptance import _checks
 from receptance._reading import ReadingOptions
 from receptance.errors import warn_user
 from receptance.frf import FRF
-from receptance.frf.validation import check_coherence
+from receptance.frf.fields import CoherenceError, LineError
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Measurement
 from receptance.model.coordinates import Coordinate, as_coordinates
@@ -30,6 +30,40 @@ class ReadKeywords(ReadingOptions, total=False):
 
     responses: Coordinate | Sequence[Coordinate] | None
     excitations: Coordinate | Sequence[Coordinate] | None
+
+
+def _unit(name: str, value: Any) -> str | Mapping[str, str]:
+    if not isinstance(value, str):
+        _pairs(name, value, "a text, or a mapping from channel to text")
+    for text in value.values() if isinstance(value, Mapping) else [value]:
+        if text != SI:
+            parse_unit(text)
+    return value  # type: ignore[no-any-return]
+
+
+def _pairs(name: str, value: Any, expected: str = "a mapping such as {'values': 'H'}") -> Mapping[str, str]:
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{name} is {value!r}, expected {expected}")
+    if not all(isinstance(text, str) for pair in value.items() for text in pair):
+        raise TypeError(f"{name} is {value!r}, expected texts for texts")
+    return value
+
+
+def _columns(name: str, value: Any) -> tuple[str, ...]:
+    if isinstance(value, str) or not all(isinstance(text, str) for text in value):
+        raise TypeError(f"{name} is {value!r}, expected a list of texts such as 'frequency [Hz]'")
+    return tuple(value)
+
+
+_CHECKS: dict[str, Callable[[str, Any], Any]] = {
+    "quantity": lambda _, value: form_name(value),
+    "unit": _unit,
+    "variables": _pairs,
+    "columns": _columns,
+    "sample_rate_hz": lambda name, value: _checks.positive("read", name, value, unit="Hz"),
+    **dict.fromkeys(("responses", "excitations"), lambda _, value: as_coordinates(value)),
+    **dict.fromkeys(("ignore_coherence", "conjugate", "reverse"), lambda _, value: bool(value)),
+}
 
 
 @dataclass(frozen=True)
@@ -51,34 +85,9 @@ class ReadOptions:
     def checked(given: Mapping[str, Any]) -> ReadOptions:
         """Return the options, or raise a TypeError or ValueError that names the invalid one."""
         names = {field.name for field in fields(ReadOptions)}
-        unknown = sorted(set(given) - names)
-        if unknown:
+        if unknown := sorted(set(given) - names):
             raise TypeError(f"read has no option {unknown[0]!r}; the options are {', '.join(sorted(names))}")
-        options = {name: value for name, value in given.items() if value is not None}
-        for name, value in options.items():
-            if name == "unit":
-                if not isinstance(value, (str, Mapping)):
-                    raise TypeError(f"unit is {value!r}, expected a text, or a mapping from channel to text")
-                for text in value.values() if isinstance(value, Mapping) else [value]:
-                    if text != SI:
-                        parse_unit(text)
-            elif name == "variables" and not isinstance(value, Mapping):
-                raise TypeError(f"variables is {value!r}, expected a mapping such as {{'values': 'H'}}")
-            elif name == "quantity":
-                options[name] = form_name(value)
-            elif name in ("responses", "excitations"):
-                options[name] = as_coordinates(value)
-            elif name == "columns":
-                if isinstance(value, str) or not all(isinstance(text, str) for text in value):
-                    raise TypeError(f"columns is {value!r}, expected a list of texts such as 'frequency [Hz]'")
-                options[name] = tuple(value)
-            elif name == "sample_rate_hz":
-                options[name] = _checks.positive("read", name, value, unit="Hz")
-            elif name in ("ignore_coherence", "conjugate", "reverse"):
-                options[name] = bool(value)
-            if isinstance(value, Mapping) and not all(isinstance(text, str) for pair in value.items() for text in pair):
-                raise TypeError(f"{name} is {value!r}, expected texts for texts")
-        return ReadOptions(**options)
+        return ReadOptions(**{name: _CHECKS[name](name, value) for name, value in given.items() if value is not None})
 
     def turned(self, values: NDArray[Any]) -> tuple[NDArray[Any], list[str]]:
         """Return the values of an FRF, conjugated and reversed if that was asked for, with the notes."""
@@ -250,8 +259,6 @@ def make_frf(
     if coherence is not None and options.ignore_coherence:
         coherence = None
         notes.append("the coherence in the file was ignored on request")
-    if coherence is not None:
-        coherence = file_coherence(frequency_hz, coherence)
     for name, given, side in (
         ("responses", options.responses, directions[0]),
         ("excitations", options.excitations, directions[1]),
@@ -273,20 +280,15 @@ def make_frf(
     )
 
 
-def make(kind: type[_Measurement], **fields: Any) -> _Measurement:
-    """Return a measurement of a class, with a FileFormatError where its fields are invalid."""
+def make(kind: type[_Measurement], *, rows: Sequence[int] = (), **fields: Any) -> _Measurement:
+    """Return a measurement of a class; invalid fields raise a FileFormatError, with the line of a row in the file."""
     try:
         return kind(**fields)
     except (TypeError, ValueError) as error:
-        raise FileFormatError(str(error)) from None
-
-
-def file_coherence(frequency_hz: NDArray[np.float64], coherence: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the coherence `(n, ...)` of an FRF in a file; the error names the option that ignores it."""
-    try:
-        return check_coherence("FRF", coherence, frequency_hz)[0]
-    except ValueError as error:
-        raise FileFormatError(f"{error}: ignore_coherence=True (on the command line --ignore-coherence)") from None
+        line = rows[error.index] if rows and isinstance(error, LineError) else None
+        ignore = kind is FRF and isinstance(error, CoherenceError)
+        option = ": ignore_coherence=True (on the command line --ignore-coherence)" if ignore else ""
+        raise FileFormatError(f"{error}{option}", line=line) from None
 
 
 def complex_values(real_part: NDArray[Any], imaginary: NDArray[Any]) -> NDArray[np.complex128]:

@@ -207,6 +207,15 @@ def column_unit(unit: str) -> Unit:
     return parse_unit(level_reference(unit) or unit)
 
 
+def is_unit(text: str) -> bool:
+    """Return whether a text is the unit of a column."""
+    try:
+        column_unit(text)
+    except UnitError:
+        return False
+    return True
+
+
 def _role(word: str) -> str:
     return next(role for role, words in PARTS.items() if word.lower() in words)
 

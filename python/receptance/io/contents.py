@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from receptance.frf import FRF
-from receptance.io.measurements import Coherence, Measurement
+from receptance.io.measurements import Measurement, TimeSeries
 from receptance.report import Provenance, Result, Table
 
 MOST_DRAWN = 4
@@ -80,29 +80,28 @@ class FileContents(Result):
         return {"file": self.name, "format": self.format, "measurements": list(map(_facts, self.measurements))}
 
 
-def _facts(one: Measurement) -> dict[str, Any]:
-    found: dict[str, Any] = {"title": one.title}
-    if isinstance(one, FRF | Coherence):
-        coherence = one.coherence if isinstance(one, FRF) else one.values
-        found |= {
-            "kind": "frf" if isinstance(one, FRF) else "coherence",
-            "lines": int(one.frequency_hz.size),
-            "band_hz": one.frequency_hz[[0, -1]],
+def _facts(measurement: Measurement) -> dict[str, Any]:
+    if isinstance(measurement, TimeSeries):
+        return {
+            "title": measurement.title,
+            "kind": "time records",
+            "samples": len(measurement),
+            "sample_rate_hz": measurement.sample_rate_hz,
+            "channels": dict(zip(measurement.channels, measurement.units, strict=True)),
         }
-        if isinstance(one, FRF):
-            found |= {
-                "form": one.form,
-                "units": one.distinct_units,
-                "responses": [coordinate.describe() for coordinate in one.responses],
-                "excitations": [coordinate.describe() for coordinate in one.excitations],
-                "averages": one.averages,
-            }
-        if coherence is not None:
-            found["median_coherence"] = float(np.median(coherence))
-        return found
-    return found | {
-        "kind": "time records",
-        "samples": len(one),
-        "sample_rate_hz": one.sample_rate_hz,
-        "channels": dict(zip(one.channels, one.units, strict=True)),
+    coherence = measurement.coherence if isinstance(measurement, FRF) else measurement.values
+    facts: dict[str, Any] = {
+        "title": measurement.title,
+        "kind": "frf" if isinstance(measurement, FRF) else "coherence",
+        "lines": int(measurement.frequency_hz.size),
+        "band_hz": measurement.frequency_hz[[0, -1]],
     }
+    if isinstance(measurement, FRF):
+        facts |= {
+            "form": measurement.form,
+            "units": measurement.distinct_units,
+            "responses": [coordinate.describe() for coordinate in measurement.responses],
+            "excitations": [coordinate.describe() for coordinate in measurement.excitations],
+            "averages": measurement.averages,
+        }
+    return facts if coherence is None else facts | {"median_coherence": float(np.median(coherence))}

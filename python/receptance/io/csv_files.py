@@ -22,6 +22,7 @@ from receptance.io.column_names import (
     QUALITY_NAMES,
     TableColumn,
     column_unit,
+    is_unit,
     named_column,
     parse_column,
     with_complex_parts,
@@ -32,16 +33,13 @@ from receptance.io.errors import FileFormatError, check_time, error_location
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
 from receptance.io.tables import EXAMPLE, NumberTable, measurements_in
 from receptance.io.text import (
-    check_row_count,
     complex_parts,
-    decode,
     excerpt,
     number,
     numbered_lines,
     parse_lines,
     truncation_notes,
 )
-from receptance.units import UnitError
 
 MARK = "# receptance: "
 """Beginning of the line with the fields of a measurement that columns do not hold."""
@@ -65,8 +63,7 @@ _FIRST_ROWS = 10
 
 def _read_table(data: bytes, options: ReadOptions) -> NumberTable:
     """Return the table in a file, with its header or that of the options."""
-    content = decode(data)
-    every = numbered_lines(content)
+    content, every = numbered_lines(data)
     about = None
     for line, text in every:
         if text.startswith(MARK):
@@ -112,10 +109,7 @@ def _read_table(data: bytes, options: ReadOptions) -> NumberTable:
         quote_first_row=options.columns is None,
     )
     declared = None if about is None else about.get("rows")
-    if isinstance(declared, int):
-        check_row_count(content, len(lines), declared, lines[-1][0])
-    else:
-        notes += truncation_notes(content, lines)
+    notes += truncation_notes(content, lines, declared if isinstance(declared, int) else None)
     rows = tuple(line for line, _ in lines)
     return NumberTable(tuple(columns), values, header, rows, about, tuple(notes), averages=averages)
 
@@ -227,12 +221,7 @@ def _are_units(columns: Sequence[TableColumn], fields: Sequence[str], delimiter:
     texts = [field.strip("[]() \t") for field in fields]
     first = next((index for index, column in enumerate(columns) if column.role in AXES), None)
     decisive = [texts[first]] if first is not None and texts[first] else [text for text in texts if text]
-    if not decisive or any(_is_number(text, delimiter) for text in decisive):
-        return False
-    try:
-        return all(column_unit(text) for text in decisive)
-    except UnitError:
-        return False
+    return bool(decisive) and all(is_unit(text) and not _is_number(text, delimiter) for text in decisive)
 
 
 def _with_units(
@@ -254,10 +243,9 @@ def _with_units(
 
 
 def _same_unit(first: str, second: str) -> bool:
-    try:
+    if is_unit(first) and is_unit(second):
         return column_unit(first) == column_unit(second)
-    except UnitError:
-        return first == second
+    return first == second
 
 
 def _layout(lines: Sequence[tuple[int, str]], options: ReadOptions) -> tuple[int, str]:

@@ -15,19 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.frf import FRF
-from receptance.frf.plausibility import DRIVE_POINT_NOTE
-from receptance.io.build import SI, ReadOptions, file_coherence
+from receptance.frf.data import PER_ENTRY, PER_LINE
+from receptance.io.build import SI, ReadOptions, make
 from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
 from receptance.model.coordinates import Coordinate, UnknownPosition
 from receptance.units import parse_unit
 
 ABOUT = "about"
-QUALITY = ("log_variance", "degrees_of_freedom", "correlated_lines", "usable")
+QUALITY = tuple(name for name in (*PER_ENTRY, *PER_LINE) if name not in ("frequency_hz", "values", "coherence"))
 """Fields of an FRF, beside its coherence, that are stored as arrays."""
 ARRAYS = ("frequency_hz", "values", "coherence", *QUALITY)
 _VERSION = 1
-_KINDS: dict[str, type] = {"frf": FRF, "time series": TimeSeries, "coherence": Coherence}
+_KINDS: dict[str, type[Measurement]] = {"frf": FRF, "time series": TimeSeries, "coherence": Coherence}
 
 
 def kind_of(measurement: Measurement) -> str:
@@ -37,40 +37,26 @@ def kind_of(measurement: Measurement) -> str:
 
 def arrays_of(measurement: Measurement) -> dict[str, NDArray[Any]]:
     """Return the arrays of a measurement by name, without those that are None or have their default."""
-    if isinstance(measurement, TimeSeries):
-        return {"values": measurement.values}
-    arrays: dict[str, NDArray[Any]] = {"frequency_hz": measurement.frequency_hz, "values": measurement.values}
-    if isinstance(measurement, FRF):
-        if measurement.coherence is not None:
-            arrays["coherence"] = measurement.coherence
-        for name in QUALITY:
-            array = getattr(measurement, name)
-            if array is not None and not (name == "correlated_lines" and np.all(array == 1.0)):
-                arrays[name] = array
-    return arrays
+    arrays = {name: (getattr(measurement, name), field) for name, field in measurement.declared.items() if field.axes}
+    return {
+        name: array
+        for name, (array, field) in arrays.items()
+        if array is not None and not (isinstance(field.default, float) and np.all(array == field.default))
+    }
 
 
 def about_text(measurement: Measurement, **more: int) -> str:
     """Return all fields but the arrays as JSON, with further numbers for a format."""
     about: dict[str, Any] = {"receptance": kind_of(measurement), "version": _VERSION, **more}
+    about |= {name: getattr(measurement, name) for name, field in measurement.declared.items() if not field.axes}
     if isinstance(measurement, FRF):
-        about["form"] = measurement.form
         about["unit"] = measurement.units
-        about["responses"] = [coordinate_to_list(coordinate) for coordinate in measurement.responses]
-        about["excitations"] = [coordinate_to_list(coordinate) for coordinate in measurement.excitations]
-        about["decay_rate"] = measurement.decay_rate
-        about["averages"] = measurement.averages
-        about["labels"] = measurement.labels
+        for side in ("responses", "excitations"):
+            about[side] = [coordinate_to_list(coordinate) for coordinate in about[side]]
     elif isinstance(measurement, TimeSeries):
-        about["channels"] = measurement.channels
-        about["units"] = measurement.units
         about["quantities"] = measurement.quantities
-        about["sample_rate_hz"] = measurement.sample_rate_hz
-        about["start_s"] = measurement.start_s
     else:
         about["shape"] = measurement.values.shape[1:]
-        about["labels"] = measurement.labels
-    about["label"], about["source"], about["notes"] = measurement.label, measurement.source, measurement.notes
     return json.dumps(about, allow_nan=False)
 
 
@@ -99,60 +85,56 @@ def parse_about(text: Any) -> dict[str, Any] | None:
     return about
 
 
-def measurement_of(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: ReadOptions) -> Measurement:
-    """Return the measurement with these arrays and fields; invalid or contradicting ones raise a FileFormatError."""
-    kind = about["receptance"]
+def measurement_of(
+    arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: ReadOptions, rows: Sequence[int] = ()
+) -> Measurement:
+    """Return the measurement with these arrays and fields; invalid or contradicting ones raise a FileFormatError.
+
+    The `rows` are the lines of a text with the rows of the arrays.
+    """
+    name = about["receptance"]
     try:
-        if kind == "frf":
-            return _frf(arrays, about, options)
-        if kind == "time series":
-            return _time_series(arrays, about, options)
-        return Coherence(
-            frequency_hz=_real(arrays, "frequency_hz").ravel(),
-            values=_by_response_and_excitation(_real(arrays, "values"), about),
-            labels=_labels(about),
-            **_texts(about),
-        )
+        fields = _fields(_KINDS[name], arrays, about)
+        if name == "frf":
+            return _frf(fields, options, rows)
+        if name == "time series":
+            _check_channels_agree(fields, options)
+        return make(_KINDS[name], rows=rows, **fields)
     except FileFormatError:
         raise
     except (TypeError, ValueError, OverflowError) as error:
-        raise FileFormatError(f"the fields are not those of a valid {kind}: {error}") from None
+        raise FileFormatError(f"the fields are not those of a valid {name}: {error}") from None
 
 
-def _frf(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: ReadOptions) -> FRF:
-    lines = _real(arrays, "frequency_hz").ravel()
-    sides = {name: tuple(map(coordinate_from_list, _list(about, name))) for name in ("responses", "excitations")}
-    shape = (lines.size, len(sides["responses"]), len(sides["excitations"]))
-    quality: dict[str, Any] = {}
-    for name in ("coherence", *QUALITY):
-        if name in arrays:
-            array = arrays[name] if name == "usable" else _real(arrays, name)
-            quality[name] = array.ravel() if name in ("usable", "correlated_lines") else _shaped(name, array, shape)
-    if "usable" in quality:
-        quality["usable"] = quality["usable"].astype(np.bool_)
-    if "coherence" in quality:
-        quality["coherence"] = None if options.ignore_coherence else file_coherence(lines, quality["coherence"])
-    values = arrays.get("values")
-    if values is None or values.dtype.kind not in "iufc":
-        raise FileFormatError("there is no numeric array 'values'")
-    values, turned = options.turned(_shaped("values", values, shape))
-    texts = _texts(about, without=DRIVE_POINT_NOTE)
-    frf = FRF(
-        frequency_hz=lines,
-        values=values,
-        form=about.get("form", ""),
-        responses=sides["responses"],
-        excitations=sides["excitations"],
-        decay_rate=about.get("decay_rate", 0.0),
-        averages=about.get("averages"),
-        labels=_labels(about),
-        **quality,
-        **{**texts, "notes": (*texts["notes"], *turned)},
-    )
+def _fields(kind: type[Measurement], arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a measurement, with arrays in their full shape; MATLAB drops trailing dimensions of 1."""
+    fields = {name: about[name] for name, field in kind.declared.items() if not field.axes and name in about}
+    if kind is FRF:
+        for side in ("responses", "excitations"):
+            fields[side] = tuple(map(coordinate_from_list, _list(about, side)))
+        counts = [len(fields["responses"]), len(fields["excitations"])]
+    else:
+        counts = [len(_list(about, "channels"))] if kind is TimeSeries else list(_list(about, "shape"))
+    for name, field in kind.declared.items():
+        if name in arrays and field.axes:
+            array = arrays[name].astype(np.bool_) if name == "usable" else arrays[name]
+            if field.axes != "lines" and array.size % max(math.prod(counts), 1):
+                raise FileFormatError(f"the array {name!r} has shape {array.shape}, expected {(-1, *counts)}")
+            fields[name] = array.ravel() if field.axes == "lines" else array.reshape(-1, *counts)
+        elif field.axes and field.default is ...:
+            raise FileFormatError(f"there is no array {name!r}; the arrays are {', '.join(arrays) or 'none'}")
+    return fields
+
+
+def _frf(fields: dict[str, Any], options: ReadOptions, rows: Sequence[int]) -> FRF:
+    fields["values"], turned = options.turned(fields["values"])
+    fields["notes"] = [*fields.get("notes", ()), *turned]
+    if options.ignore_coherence:
+        fields.pop("coherence", None)
+    frf = make(FRF, rows=rows, **fields)
     _check_options_agree(frf, options)
-    if options.responses is None and options.excitations is None:
-        return frf
-    return frf.with_coordinates(options.responses, options.excitations)
+    sides = {"responses": options.responses, "excitations": options.excitations}
+    return frf.with_(**{name: side for name, side in sides.items() if side is not None})
 
 
 def _check_options_agree(frf: FRF, options: ReadOptions) -> None:
@@ -168,38 +150,17 @@ def _check_options_agree(frf: FRF, options: ReadOptions) -> None:
         )
 
 
-def _time_series(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any], options: ReadOptions) -> TimeSeries:
-    channels = tuple(map(str, _list(about, "channels")))
-    values = _real(arrays, "values")
-    if values.ndim != 2 or values.shape[1] != len(channels):
-        values = _shaped("values", values, (values.size // max(len(channels), 1), len(channels)))
-    units = [str(unit) for unit in _list(about, "units")]
+def _check_channels_agree(fields: Mapping[str, Any], options: ReadOptions) -> None:
+    """Raise if the given unit of a channel, or the sample rate, contradicts the file."""
+    channels, units = fields["channels"], fields.get("units", ())
     for name, unit, given in zip(channels, units, options.channel_units(channels), strict=False):
         if given not in (None, SI, unit):
             raise FileFormatError(f"channel {name!r} of the file is in {unit!r}, but unit={given!r} was given")
-    rate = about.get("sample_rate_hz", math.nan)
+    rate = fields.get("sample_rate_hz", math.nan)
     if options.sample_rate_hz is not None and not math.isclose(options.sample_rate_hz, rate, rel_tol=1e-9):
         raise FileFormatError(
             f"the file has {rate!r} samples per second, but sample_rate_hz={options.sample_rate_hz!r} was given"
         )
-    return TimeSeries(
-        values=values,
-        channels=channels,
-        units=units,
-        sample_rate_hz=rate,
-        start_s=about.get("start_s", 0.0),
-        **_texts(about),
-    )
-
-
-def _texts(about: Mapping[str, Any], *, without: str | None = None) -> dict[str, Any]:
-    """Return label, source and notes, without the notes with a prefix, which the constructor adds again."""
-    texts: dict[str, Any] = {name: str(about.get(name, "")) for name in ("label", "source")}
-    return texts | {
-        "notes": tuple(
-            str(note) for note in _list(about, "notes") if without is None or not str(note).startswith(without)
-        )
-    }
 
 
 def _list(about: Mapping[str, Any], name: str) -> Sequence[Any]:
@@ -207,15 +168,6 @@ def _list(about: Mapping[str, Any], name: str) -> Sequence[Any]:
     if not isinstance(value, list):
         raise FileFormatError(f"{name} in {ABOUT!r} is {value!r}, expected a list")
     return value
-
-
-def _labels(about: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
-    labels = about.get("labels")
-    if labels is None:
-        return None
-    if not (isinstance(labels, list) and len(labels) == 2 and all(isinstance(side, list) for side in labels)):
-        raise FileFormatError(f"labels in {ABOUT!r} is {labels!r}, expected a list of two lists")
-    return tuple(map(str, labels[0])), tuple(map(str, labels[1]))
 
 
 def coordinate_from_list(fields: Any) -> Coordinate:
@@ -229,26 +181,3 @@ def coordinate_from_list(fields: Any) -> Coordinate:
     if position != "end" and not (is_number and math.isfinite(position)):
         raise FileFormatError(f"a coordinate's position in {ABOUT!r} is {position!r}, expected metres or 'end'")
     return Coordinate(part, position, direction)
-
-
-def _real(arrays: Mapping[str, NDArray[Any]], name: str) -> NDArray[Any]:
-    array = arrays.get(name)
-    if array is None:
-        raise FileFormatError(f"there is no array {name!r}; the arrays are {', '.join(arrays) or 'none'}")
-    if array.dtype.kind not in "iuf":
-        raise FileFormatError(f"the array {name!r} has dtype {array.dtype}, expected real numbers")
-    return array
-
-
-def _shaped(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
-    """Return an array in its full shape; MATLAB drops trailing dimensions of 1."""
-    if array.size != math.prod(shape):
-        raise FileFormatError(f"the array {name!r} has shape {array.shape}, expected {shape}")
-    return array if array.shape == shape else array.reshape(shape)
-
-
-def _by_response_and_excitation(array: NDArray[Any], about: Mapping[str, Any]) -> NDArray[Any]:
-    counts = _list(about, "shape")
-    if len(counts) != 2 or any(not isinstance(count, int) or count < 1 for count in counts):
-        raise FileFormatError(f"shape in {ABOUT!r} is {counts!r}, expected the numbers of responses and excitations")
-    return _shaped("values", array, (array.size // math.prod(counts), *counts))

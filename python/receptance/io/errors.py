@@ -72,10 +72,6 @@ def error_location(
         raise FileFormatError(error.problem, file=error.file or file, line=line, byte=byte, place=place) from None
 
 
-MAX_TEXT = 1 << 28
-"""Most bytes of a text, which is three times in memory while it is read."""
-MAX_LINES = 1 << 22
-"""Most lines of a text; each takes 200 bytes of memory while the text is read."""
 MAX_NUMBERS = 1 << 25
 """Most numbers in a text."""
 _BASE_SECONDS = 0.3
@@ -111,12 +107,6 @@ def check_count(count: int, most: int, name: str) -> None:
             f"the text has {count} {name} or more, expected at most {most}; split the file, or store the numbers in a "
             "NumPy file (.npz)"
         )
-
-
-def check_text(data: bytes) -> None:
-    """Raise if a text exceeds the limits of bytes and lines."""
-    check_count(len(data), MAX_TEXT, "bytes")
-    check_count(max(data.count(b"\n"), data.count(b"\r")), MAX_LINES, "lines")
 
 
 @contextmanager

@@ -16,14 +16,13 @@ from receptance import _checks
 from receptance._files import open_file, read_whole, write_whole
 from receptance.errors import warn_user
 from receptance.frf import FRF
-from receptance.io.arrays import is_npz, npz_bytes, read_npz
 from receptance.io.build import ReadKeywords, ReadOptions
 from receptance.io.csv_files import csv_bytes, read_csv
 from receptance.io.errors import FileFormatError, decompress, error_location, time_limit
 from receptance.io.lvm import is_lvm, read_lvm
 from receptance.io.mat_hdf5 import hdf5_bytes, is_hdf5, is_mat, mat_bytes, read_hdf5, read_mat
 from receptance.io.measurements import Coherence, Measurement, TimeSeries, low_coherence_notes
-from receptance.io.npy import is_npy, read_npy
+from receptance.io.numpy_files import is_npy, is_npz, npz_bytes, read_npy, read_npz
 from receptance.io.text_frf import cutpro_bytes, dataphysics_bytes, is_dataphysics, read_cutpro, read_dataphysics
 from receptance.io.uff.datasets import is_uff
 from receptance.io.uff.read import read_uff

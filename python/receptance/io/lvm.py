@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 
 from receptance.errors import warn_user
 from receptance.io.build import ReadOptions
-from receptance.io.column_names import LONGEST_NAME, TableColumn, column_unit, named_column
+from receptance.io.column_names import LONGEST_NAME, TableColumn, is_unit, named_column
 from receptance.io.errors import FileFormatError, check_time
 from receptance.io.measurements import Measurement
 from receptance.io.tables import NumberTable, measurements_in
-from receptance.io.text import decode, excerpt, number, numbered_lines, parse_lines, truncation_notes
-from receptance.units import UnitError
+from receptance.io.text import excerpt, number, numbered_lines, parse_lines, truncation_notes
 
 _FIRST_LINE = "LabVIEW Measurement"
 _END_OF_HEADER = "***End_of_Header***"
@@ -65,8 +64,8 @@ def is_lvm(data: bytes) -> bool:
 
 def read_lvm(data: bytes, options: ReadOptions) -> list[Measurement]:
     """Return the measurements of all segments; errors name the line."""
-    content = decode(data)
-    lines = _without_special(numbered_lines(content))
+    content, lines = numbered_lines(data)
+    lines = _without_special(lines)
     if not lines or not lines[0][1].startswith(_FIRST_LINE):
         raise FileFormatError(f"the first line is not {_FIRST_LINE!r}", line=1)
     separator = _separator(lines)
@@ -300,17 +299,9 @@ def _column(name: str, label: str, role: str) -> TableColumn:
         raise FileFormatError(
             f"a channel has a name and a unit of {len(name) + len(label)} characters, expected short ones"
         )
-    unit = label.lower() if not _is_unit(label) and _is_unit(label.lower()) else label
+    unit = label.lower() if not is_unit(label) and is_unit(label.lower()) else label
     column = named_column(name, unit)
     return replace(column, role="channel") if role == "time" else column
-
-
-def _is_unit(text: str) -> bool:
-    try:
-        column_unit(text)
-    except UnitError:
-        return False
-    return True
 
 
 def _with_axis(table: NumberTable, role: str, axis: NDArray[Any]) -> NumberTable:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.errors import warn_user
-from receptance.frf import FRF
-from receptance.frf.validation import check_coherence, check_labels, check_lines, check_texts
+from receptance.frf import FRF, fields
+from receptance.frf.fields import Field, Labelled, LineError, store
 from receptance.report import Column, Renderable, Table
 from receptance.units import channel_kind, parse_unit
 
@@ -20,24 +20,30 @@ _LOW_COHERENCE = 0.5
 """Below, more of the response is unexplained than explained."""
 
 
-@dataclass(frozen=True, init=False, eq=False, repr=False)
-class Coherence(Renderable):
+def _coherences(coherence: Any, name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Return a coherence `(n, n_responses, n_excitations)`."""
+    owner, lines = coherence.owner, coherence.frequency_hz
+    array = _checks.numbers(owner, name, value, "iuf", "real numbers").astype(np.float64)
+    if array.ndim == 1:
+        array = array[:, None, None]
+    if array.ndim != 3 or array.shape[0] != lines.size or 0 in array.shape:
+        raise ValueError(
+            f"{owner}: values has shape {array.shape} for {lines.size} lines, expected ({lines.size},) or "
+            f"({lines.size}, responses, excitations)"
+        )
+    undefined = np.flatnonzero(np.isnan(array).any(axis=(1, 2)))
+    if undefined.size:
+        raise LineError(f"{owner}: the coherence at {lines[undefined[0]]:g} Hz is nan, expected 0 to 1", undefined[0])
+    return fields.coherence(coherence, array)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Coherence(Labelled, Renderable):
     """Ordinary coherence between excitations and responses, without its FRF.
 
     Parameters
     ----------
-    frequency_hz : array_like
-        `(n,)` lines in Hz.
-    values : array_like
-        `(n,)` or `(n, n_responses, n_excitations)`, from 0 to 1.
-    labels : pair of sequences of str, optional
-        Names of the responses and of the excitations.
-    label : str, optional
-        Free-text label.
-    source : str, optional
-        File and reader.
-    notes : sequence of str, optional
-        Notes for the user.
+    {fields}
 
     Raises
     ------
@@ -54,48 +60,18 @@ class Coherence(Renderable):
     plotted_by = "receptance.io.figure:draw_coherence"
     drawn_in_notebooks = True
 
-    frequency_hz: NDArray[np.float64]
-    values: NDArray[np.float64]
-    labels: tuple[tuple[str, ...], tuple[str, ...]] | None
-    label: str
-    source: str
-    notes: tuple[str, ...]
-
-    def __init__(
-        self,
-        *,
-        frequency_hz: ArrayLike,
-        values: ArrayLike,
-        labels: tuple[Sequence[str], Sequence[str]] | None = None,
-        label: str = "",
-        source: str = "",
-        notes: Sequence[str] = (),
-    ) -> None:
-        owner = f"Coherence {label!r}" if label else "Coherence"
-        lines = check_lines(owner, frequency_hz)
-        array = _checks.numbers(owner, "values", values, "iuf", "real numbers").astype(np.float64)
-        if array.ndim == 1:
-            array = array[:, None, None]
-        if array.ndim != 3 or array.shape[0] != lines.size or 0 in array.shape:
-            raise ValueError(
-                f"{owner}: values has shape {array.shape} for {lines.size} lines, expected ({lines.size},) or "
-                f"({lines.size}, responses, excitations)"
-            )
-        undefined = np.flatnonzero(np.isnan(array).any(axis=(1, 2)))
-        if undefined.size:
-            raise ValueError(f"{owner}: the coherence at {lines[undefined[0]]:g} Hz is nan, expected 0 to 1")
-        array, note = check_coherence(owner, array, lines)
-        _checks.set_fields(
-            self,
-            {
-                "frequency_hz": lines,
-                "values": array,
-                "labels": check_labels(owner, labels, (array.shape[1], array.shape[2])),
-                "label": str(label),
-                "source": str(source),
-                "notes": (*check_texts(owner, "notes", notes), *([note] if note else [])),
-            },
-        )
+    frequency_hz: Field[ArrayLike, NDArray[np.float64]] = Field(
+        fields.lines, "array_like", "`(n,)` lines in Hz.", axes="lines"
+    )
+    values: Field[ArrayLike, NDArray[np.float64]] = Field(
+        _coherences, "array_like", "`(n,)` or `(n, n_responses, n_excitations)`, from 0 to 1.", axes="entries"
+    )
+    labels: Field[Sequence[Sequence[str]] | None, tuple[tuple[str, ...], tuple[str, ...]] | None] = Field(
+        fields.labels,
+        "pair of sequences of str",
+        "Names of the responses and of the excitations.",
+        default=None,
+    )
 
     @property
     def title(self) -> str:
@@ -122,29 +98,47 @@ class Coherence(Renderable):
         return f"Coherence({title}{len(self)} lines from {low:g} to {high:g} Hz, median {np.median(self.values):.2g})"
 
 
-@dataclass(frozen=True, init=False, eq=False, repr=False)
-class TimeSeries(Renderable):
+def _names(series: Any, name: str, value: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of channels."""
+    names = fields.texts(series, name, value)
+    if len(set(names)) != len(names):
+        raise ValueError(f"{series.owner}: channels are {names}, expected different names")
+    return names
+
+
+def _units(series: Any, name: str, value: Sequence[str]) -> tuple[str, ...]:
+    """Return the units of channels."""
+    units = fields.texts(series, name, value)
+    if len(units) != len(series.channels):
+        raise ValueError(f"{series.owner}: there are {len(units)} units for {len(series.channels)} channels")
+    return units
+
+
+def _samples(series: Any, name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Return samples `(n_samples, n_channels)`."""
+    owner, names = series.owner, series.channels
+    array = _checks.numbers(owner, name, value, "iuf", "real numbers").astype(np.float64)
+    if array.ndim == 1:
+        array = array[:, None]
+    if array.ndim != 2 or 0 in array.shape or array.shape[1] != len(names):
+        raise ValueError(
+            f"{owner}: values has shape {array.shape}, expected (n_samples, {len(names)}) for the channels {names}"
+        )
+    bad = np.argwhere(~np.isfinite(array))
+    if bad.size:
+        row, column = bad[0]
+        problem = f"{owner}: sample {row} of {names[column]!r} is {array[row, column]}, expected a finite number"
+        raise LineError(problem, row)
+    return array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class TimeSeries(Labelled, Renderable):
     """Time series of one or several channels with a common sample rate.
 
     Parameters
     ----------
-    values : array_like
-        `(n_samples,)` or `(n_samples, n_channels)` real and finite, in the given units.
-    channels : sequence of str
-        Names, all different.
-    sample_rate_hz : float
-        Samples per second.
-    units : sequence of str
-        One per channel, such as "N", "g", "mm/s", "V". Forces, moments and motions are converted to SI; other
-        quantities are kept in their unit.
-    start_s : float, optional
-        Time of the first sample.
-    label : str, optional
-        Free-text label.
-    source : str, optional
-        File and reader.
-    notes : sequence of str, optional
-        Notes for the user.
+    {fields}
 
     Raises
     ------
@@ -169,71 +163,45 @@ class TimeSeries(Renderable):
     plotted_by = "receptance.io.figure:draw_time_series"
     drawn_in_notebooks = True
 
-    values: NDArray[np.float64]
-    """`(n_samples, n_channels)`, SI."""
-    channels: tuple[str, ...]
-    sample_rate_hz: float
-    quantities: tuple[str, ...]
-    """Per channel "force", "moment", "displacement", "velocity", "acceleration", "rotation", "angular velocity",
-    "angular acceleration", or "" for other quantities."""
-    units: tuple[str, ...]
-    """Unit of `values` per channel: "N", "N m", "m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2", or as given for other
-    quantities."""
-    start_s: float
-    label: str
-    source: str
-    notes: tuple[str, ...]
+    channels: Field[Sequence[str], tuple[str, ...]] = Field(_names, "sequence of str", "Names, all different.")
+    units: Field[Sequence[str], tuple[str, ...]] = Field(
+        _units,
+        "sequence of str",
+        'One per channel, such as "N", "g", "mm/s", "V". Forces, moments and motions are converted to SI; other '
+        "quantities are kept in their unit.",
+    )
+    values: Field[ArrayLike, NDArray[np.float64]] = Field(
+        _samples,
+        "array_like",
+        "`(n_samples,)` or `(n_samples, n_channels)` real and finite, in the given units.",
+        axes="samples",
+    )
+    sample_rate_hz: Field[float, float] = Field(
+        lambda series, name, value: _checks.positive(series.owner, name, value, unit="Hz"),
+        "float",
+        "Samples per second.",
+    )
+    start_s: Field[float, float] = Field(
+        lambda series, name, value: _checks.number(series.owner, name, value, unit="s"),
+        "float",
+        "Time of the first sample.",
+        default=0.0,
+    )
 
-    def __init__(
-        self,
-        *,
-        values: ArrayLike,
-        channels: Sequence[str],
-        sample_rate_hz: float,
-        units: Sequence[str],
-        start_s: float = 0.0,
-        label: str = "",
-        source: str = "",
-        notes: Sequence[str] = (),
-    ) -> None:
-        owner = f"TimeSeries {label!r}" if label else "TimeSeries"
-        names = check_texts(owner, "channels", channels)
-        given_units = check_texts(owner, "units", units)
-        array = _checks.numbers(owner, "values", values, "iuf", "real numbers").astype(np.float64)
-        if array.ndim == 1:
-            array = array[:, None]
-        if array.ndim != 2 or 0 in array.shape or array.shape[1] != len(names):
-            raise ValueError(
-                f"{owner}: values has shape {array.shape}, expected (n_samples, {len(names)}) for the channels {names}"
-            )
-        bad = np.argwhere(~np.isfinite(array))
-        if bad.size:
-            row, column = bad[0]
-            raise ValueError(
-                f"{owner}: sample {row} of {names[column]!r} is {array[row, column]}, expected a finite number"
-            )
-        if len(set(names)) != len(names):
-            raise ValueError(f"{owner}: channels are {names}, expected different names")
-        if len(given_units) != len(names):
-            raise ValueError(f"{owner}: there are {len(given_units)} units for {len(names)} channels")
-        quantities, si_units, factors = zip(*map(_si_unit, given_units), strict=True)
-        array = array * np.array(factors)
-        if not np.all(np.isfinite(array)):
-            raise ValueError(f"{owner}: values overflow in SI units")
-        _checks.set_fields(
-            self,
-            {
-                "values": array,
-                "channels": names,
-                "sample_rate_hz": _checks.positive(owner, "sample_rate_hz", sample_rate_hz, unit="Hz"),
-                "quantities": quantities,
-                "units": si_units,
-                "start_s": _checks.number(owner, "start_s", start_s, unit="s"),
-                "label": str(label),
-                "source": str(source),
-                "notes": check_texts(owner, "notes", notes),
-            },
-        )
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _, units, factors = zip(*map(_si_unit, self.units), strict=True)
+        with np.errstate(over="ignore"):
+            values = self.values * np.array(factors)
+        if not np.all(np.isfinite(values)):
+            raise ValueError(f"{self.owner}: values overflow in SI units")
+        store(self, "values", values)
+        store(self, "units", units)
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Quantity per channel: "force", "moment", "displacement" to "angular acceleration", or "" for others."""
+        return tuple(_si_unit(unit)[0] for unit in self.units)
 
     @property
     def time_s(self) -> NDArray[np.float64]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -24,18 +24,24 @@ from receptance.io.build import (
     sampling,
     to_si,
 )
-from receptance.io.column_names import PARTS, QUALITY_NAMES, TableColumn, column_unit, level_reference, usual_unit
+from receptance.io.column_names import (
+    PARTS,
+    QUALITY_NAMES,
+    TableColumn,
+    column_unit,
+    is_unit,
+    level_reference,
+    usual_unit,
+)
 from receptance.io.description import measurement_of
 from receptance.io.errors import FileFormatError, check_time, error_location
 from receptance.io.measurements import Coherence, Measurement, TimeSeries
-from receptance.io.text import check_ascending
 from receptance.units import Unit, UnitError, frf_kind, parse_unit
 
 EXAMPLE = "frequency [Hz],accelerance real [m/s^2/N],accelerance imaginary [m/s^2/N],coherence [1]"
 """A header for messages."""
 _Entries: TypeAlias = Mapping[str, Mapping[str, int]]
 """Indices of the columns of each response and excitation by role."""
-_MAY_BE_INFINITE = ("log_variance", "degrees_of_freedom")
 
 
 @dataclass(frozen=True)
@@ -71,7 +77,6 @@ def measurements_in(table: NumberTable, options: ReadOptions) -> list[Measuremen
     A table without times needs its time step or the sample rate of the options; a time that begins again begins another
     record.
     """
-    _check_finite(table)
     frequency, time = table.indices("frequency"), table.indices("time")
     with error_location(line=table.header or None):
         if frequency:
@@ -79,20 +84,17 @@ def measurements_in(table: NumberTable, options: ReadOptions) -> list[Measuremen
         return _time_records(table, time[0] if time else None, options)
 
 
-def _check_finite(table: NumberTable) -> None:
-    wrong = ~np.isfinite(table.values)
-    for role in _MAY_BE_INFINITE:
-        wrong[:, table.indices(role)] = np.isnan(table.values[:, table.indices(role)])
-    frequency = table.indices("frequency")
-    if frequency and table.values[0, frequency[0]] == 0.0:
-        # A receptance may be infinite at 0 Hz; the FRF drops that line with a note.
-        wrong[0] = False
-    if wrong.any():
-        row, column = (int(index) for index in np.argwhere(wrong)[0])
-        raise FileFormatError(
-            f"column {table.columns[column].name!r} is {table.values[row, column]}, expected a finite number",
-            line=table.lines[row],
-        )
+def measurements_in_rows(
+    columns: Sequence[TableColumn], values: Sequence[NDArray[np.float64]], options: ReadOptions
+) -> list[Measurement]:
+    """Return the measurements in columns of numbers that are no text; errors name the row."""
+    rows = tuple(range(1, values[0].size + 1))
+    try:
+        return measurements_in(NumberTable(tuple(columns), np.stack(values, axis=1), 0, rows, None), options)
+    except FileFormatError as error:
+        if error.line is None:
+            raise
+        raise FileFormatError(error.problem, place=f"row {error.line}") from None
 
 
 def _column_unit(column: TableColumn) -> Unit | None:
@@ -143,16 +145,18 @@ def _time_records(table: NumberTable, time: int | None, options: ReadOptions) ->
     if not channels:
         raise FileFormatError("there is a time column and no other")
     if table.about is not None and table.about["receptance"] == "time series":
-        return [measurement_of({"values": table.values[:, channels]}, table.about, options)]
+        return [measurement_of({"values": table.values[:, channels]}, table.about, options, table.lines)]
     names = [table.columns[index].name for index in channels]
     units, notes = _channel_units(table, channels, options)
     if time is None and table.step_s is None and options.sample_rate_hz is None:
         raise FileFormatError(
-            "there is no column of times and no sample rate; give it: sample_rate_hz=51200 (on the command line "
+            "there are no times and no sample rate; give it: sample_rate_hz=51200 (on the command line "
             "--sample-rate 51200)"
         )
     count = len(table.lines)
     seconds = np.array([table.start_s]) if time is None else _column_in_unit(table, time, "s")
+    if (bad := np.flatnonzero(~np.isfinite(seconds))).size:
+        raise FileFormatError(f"the time is {seconds[bad[0]]}, expected a finite number", line=table.lines[bad[0]])
     starts = [0] if time is None else _restarts(table, seconds)
     records: list[Measurement] = []
     rate = options.sample_rate_hz
@@ -165,6 +169,7 @@ def _time_records(table: NumberTable, time: int | None, options: ReadOptions) ->
         records.append(
             make(
                 TimeSeries,
+                rows=table.lines[start:end],
                 values=table.values[start:end, channels],
                 channels=names,
                 units=units,
@@ -186,22 +191,15 @@ def _channel_units(table: NumberTable, channels: list[int], options: ReadOptions
         unit = column.unit if given is None or given == SI else given
         if not unit:
             raise FileFormatError(
-                f"column {column.name!r} has no unit; write {column.name} [N], for example, or give "
-                f"unit={{{column.name!r}: 'N'}} (on the command line --unit {shlex.quote(f'{column.name}=N')})"
+                f"channel {column.name!r} has no unit; give it, for example unit={{{column.name!r}: 'N'}} (on the "
+                f"command line --unit {shlex.quote(f'{column.name}=N')}), or {column.name} [N] as its name"
             )
-        if _is_frf_unit(unit):
+        if is_unit(unit) and frf_kind(column_unit(unit)) is not None:
             raise FileFormatError(f"{unit!r} is the unit of an FRF, but column {column.name!r} is a time record")
         if column.unit and unit != column.unit:
             notes.append(f"{column.name}: the unit in the file, {column.unit!r}, was overridden by {unit!r}")
         units.append(unit)
     return units, notes
-
-
-def _is_frf_unit(unit: str) -> bool:
-    try:
-        return frf_kind(column_unit(unit)) is not None
-    except UnitError:
-        return False
 
 
 def _restarts(table: NumberTable, seconds: NDArray[np.float64]) -> list[int]:
@@ -220,7 +218,6 @@ def _restarts(table: NumberTable, seconds: NDArray[np.float64]) -> list[int]:
 
 def _by_frequency(table: NumberTable, frequency: int, options: ReadOptions) -> Measurement:
     lines = _column_in_unit(table, frequency, "Hz")
-    check_ascending(lines.tolist(), table.lines)
     entries: dict[str, dict[str, int]] = {}
     for index, column in enumerate(table.columns):
         if column.role in PARTS:
@@ -241,8 +238,8 @@ def _by_frequency(table: NumberTable, frequency: int, options: ReadOptions) -> M
         raise FileFormatError(f"no column is an FRF or a coherence; expected a header such as {EXAMPLE}")
     values = np.stack([_coherence(table, index) for index in coherence], axis=1)
     if about["receptance"] == "coherence":
-        return measurement_of({"frequency_hz": lines, "values": values}, about, options)
-    return make(Coherence, frequency_hz=lines, values=values[:, :, None], notes=_unread_notes(table))
+        return measurement_of({"frequency_hz": lines, "values": values}, about, options, table.lines)
+    return make(Coherence, rows=table.lines, frequency_hz=lines, values=values[:, :, None], notes=_unread_notes(table))
 
 
 def _coherence(table: NumberTable, index: int) -> NDArray[np.float64]:
@@ -268,6 +265,7 @@ def _frf(table: NumberTable, lines: NDArray[np.float64], entries: _Entries, opti
         coherence = np.stack([_coherence(table, coherence_columns[entry]) for entry in entries], axis=1)[:, :, None]
     notes = [*_unread_notes(table), *dict.fromkeys(note for _, resolved in parts for note in resolved.notes)]
     return make_frf(
+        rows=table.lines,
         frequency_hz=lines,
         values=np.stack([values for values, _ in parts], axis=1)[:, :, None],
         form=kinds[0].form,
@@ -304,7 +302,8 @@ def _entry(
         phase = _column_in_unit(table, indices["phase"], "rad")
         unit = _column_unit(table.columns[indices["phase"]])
         notes = phase_notes(phase, degrees=unit is not None and unit.factor != parse_unit("rad").factor)
-        values = magnitude * np.exp(1j * phase)
+        with np.errstate(invalid="ignore"):  # infinite magnitudes are refused with the values
+            values = magnitude * np.exp(1j * phase)
     resolved = resolve_frf(
         options,
         declared=declared,
@@ -355,4 +354,4 @@ def _described_frf(
         columns = table.indices(role)
         if columns:
             arrays[role] = table.values[:, columns]
-    return measurement_of(arrays, about, options)
+    return measurement_of(arrays, about, options, table.lines)

@@ -10,8 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.errors import warn_user
-from receptance.io.errors import MAX_NUMBERS, FileFormatError, check_count, check_text, check_time
+from receptance.io.errors import MAX_NUMBERS, FileFormatError, check_count, check_time
 
+MAX_TEXT = 1 << 28
+"""Most bytes of a text, which is three times in memory while it is read."""
+MAX_LINES = 1 << 22
+"""Most lines of a text; each takes 200 bytes of memory while the text is read."""
 _NUMBER = re.compile(
     r"([+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+))(?:[EeDd]([+-]?[0-9]{1,4}))?|[+-]?(?:nan|inf(?:inity)?)", re.IGNORECASE
 )
@@ -32,7 +36,8 @@ _BLOCK = 4096
 
 def decode(data: bytes) -> str:
     """Decode a text as UTF-16 if it begins with a byte order mark, else as UTF-8, else as Latin-1."""
-    check_text(data)
+    check_count(len(data), MAX_TEXT, "bytes")
+    check_count(max(data.count(b"\n"), data.count(b"\r")), MAX_LINES, "lines")
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         try:
             return data.decode("utf-16")
@@ -51,24 +56,33 @@ def decode(data: bytes) -> str:
         return data.decode("latin-1")
 
 
-def ends_with_line(text: str) -> bool:
-    """Return whether the last line has a line ending (which a Ctrl-Z of DOS programs may follow)."""
-    trailing = text[len(text.rstrip(" \t\r\n\f\x1a")) :]
-    return "\n" in trailing or "\r" in trailing
-
-
-def truncation_notes(text: str, rows: Sequence[tuple[int, str]]) -> list[str]:
+def truncation_notes(text: str, rows: Sequence[tuple[int, str]], declared: int | None = None) -> list[str]:
     """Warn of a text that may be truncated in its last row, and return the note.
 
-    A truncated number may still be a number, for example without its exponent.
+    A truncated number may still be a number, for example without its exponent. A file of this library declares its
+    number of rows: another number, or an end within the last row, raises.
     """
     if not rows:
         return []
     line, last = rows[-1]
+    if declared is not None and len(rows) != declared:
+        raise FileFormatError(
+            f"the file declares {declared} rows of numbers and has {len(rows)}: it was truncated or changed", line=line
+        )
+    trailing = text[len(text.rstrip(" \t\r\n\f\x1a")) :]  # a Ctrl-Z of DOS programs may follow the last line
+    ends_with_line = "\n" in trailing or "\r" in trailing
+    if declared is not None:
+        if not ends_with_line:
+            raise FileFormatError(
+                "the last line has no line ending: the file was truncated, and its last number may be wrong; if the "
+                "number is right, add a line ending",
+                line=line,
+            )
+        return []
     lengths = {len(row.rstrip()) for _, row in rows[:-1]}
     lengths_are_informative = len(rows) > _MIN_ROWS_FOR_LENGTHS or (len(rows) > 2 and len(lengths) == 1)
     note = ""
-    if not ends_with_line(text):
+    if not ends_with_line:
         note = f"the last line, {line}, has no line ending: if the file is truncated, its last number is wrong"
     elif lengths_are_informative and len(last.rstrip()) < min(lengths):
         note = f"the last line, {line}, is shorter than all others: if it is truncated, its last number is wrong"
@@ -77,23 +91,9 @@ def truncation_notes(text: str, rows: Sequence[tuple[int, str]]) -> list[str]:
     return [note] if note else []
 
 
-def check_row_count(text: str, rows: int, declared: int, line: int) -> None:
-    """Raise if a file of this library has not the declared number of rows, or ends within its last `line`."""
-    if rows != declared:
-        raise FileFormatError(
-            f"the file declares {declared} rows of numbers and has {rows}: it was truncated or changed",
-            line=line,
-        )
-    if not ends_with_line(text):
-        raise FileFormatError(
-            "the last line has no line ending: the file was truncated, and its last number may be wrong; if the number "
-            "is right, add a line ending",
-            line=line,
-        )
-
-
-def numbered_lines(text: str) -> list[tuple[int, str]]:
-    """Return the lines that are not blank, with their numbers from 1."""
+def numbered_lines(data: bytes) -> tuple[str, list[tuple[int, str]]]:
+    """Return a text, and its lines that are not blank with their numbers from 1."""
+    text = decode(data)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     numbered = []
     for start in range(0, len(lines), _BLOCK):
@@ -101,7 +101,7 @@ def numbered_lines(text: str) -> list[tuple[int, str]]:
         numbered += [
             (number, line) for number, line in enumerate(lines[start : start + _BLOCK], start + 1) if line.strip()
         ]
-    return numbered
+    return text, numbered
 
 
 def excerpt(text: str) -> str:
@@ -202,18 +202,4 @@ def _check_decimal_signs(lines: Sequence[tuple[int, str]]) -> None:
             f"{comma!r} has a comma, and {point!r} in line {point_line} a point: one of them is the decimal sign and "
             "the other separates thousands; export the numbers without separators of thousands",
             line=comma_line,
-        )
-
-
-def check_ascending(frequency_hz: Sequence[float], lines: Sequence[int]) -> None:
-    """Raise if frequencies are not ascending, negative or not finite."""
-    array = np.asarray(frequency_hz, dtype=np.float64)
-    bad = np.flatnonzero(~(np.isfinite(array) & (array >= 0.0)))
-    if bad.size:
-        raise FileFormatError(f"the frequency is {array[bad[0]]:g} Hz, expected a number from 0 on", line=lines[bad[0]])
-    bad = np.flatnonzero(np.diff(array) <= 0.0)
-    if bad.size:
-        first, second = array[bad[0]], array[bad[0] + 1]
-        raise FileFormatError(
-            f"the frequency is {second:.9g} Hz after {first:.9g} Hz, expected ascending lines", line=lines[bad[0] + 1]
         )

@@ -7,18 +7,22 @@ text behind the first row; an export has nine header lines with channels and uni
 from __future__ import annotations
 
 import re
-
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import replace
 
 from receptance.frf import FRF
-from receptance.io.build import ReadOptions, Resolved, complex_values, make_frf, resolve_frf, to_si
-from receptance.io.errors import FileFormatError, error_location
+from receptance.io.build import ReadOptions
+from receptance.io.column_names import TableColumn, is_unit
+from receptance.io.description import arrays_of
+from receptance.io.errors import FileFormatError
 from receptance.io.measurements import Measurement
-from receptance.io.text import check_ascending, check_row_count, decode, numbered_lines, parse_lines, truncation_notes
-from receptance.units import UnitError, parse_unit
+from receptance.io.tables import NumberTable, measurements_in
+from receptance.io.text import decode, numbered_lines, parse_lines, truncation_notes
 
-_COLUMNS = ("the frequency", "the real part", "the imaginary part")
+_COLUMNS = (
+    TableColumn("frequency", "Hz", "frequency"),
+    TableColumn("real part", None, "real"),
+    TableColumn("imaginary part", None, "imaginary"),
+)
 _CUTPRO_ROWS = re.compile(r"(?P<label>.*?) ?\[(?P<rows>[0-9]{1,9}) rows\]\s*")
 """Label with the number of rows, as written by this library."""
 _EXPORT_CHANNELS = "Ref Chan:Resp Chan"
@@ -44,18 +48,15 @@ def cutpro_bytes(frf: FRF) -> tuple[bytes, list[str]]:
 
 def read_cutpro(data: bytes, options: ReadOptions) -> list[Measurement]:
     """Return the FRF in a `.frf` file: three columns separated by blanks or tabs, and text behind the first row."""
-    text = decode(data)
-    lines = numbered_lines(text)
+    text, lines = numbered_lines(data)
     if not lines:
         raise FileFormatError("there are no rows, expected frequency, real and imaginary part")
     line, first = lines[0]
     *_, label = [*first.split(None, 3), "", "", "", ""][:4]
     rows = [(line, " ".join(first.split(None, 3)[:3])), *lines[1:]]
     declared = _CUTPRO_ROWS.fullmatch(label)
-    table, notes = _read_rows(text, rows, lines, declared)
-    resolved = resolve_frf(options, declared=parse_unit("m/N"), form=None, directions=None)
     label = declared["label"] if declared else label
-    return [_frf_of_columns(table, resolved, notes, options, label=label.strip())]
+    return measurements_in(_table(text, rows, lines, declared, unit="m/N", label=label.strip()), options)
 
 
 def is_dataphysics(data: bytes) -> bool:
@@ -106,26 +107,22 @@ def read_dataphysics(data: bytes, options: ReadOptions) -> list[Measurement]:
     columns = tuple(name.strip() for name in lines[5].split("\t"))
     if columns != _EXPORT_COLUMNS:
         raise FileFormatError(f"the columns are {', '.join(columns)}, expected {', '.join(_EXPORT_COLUMNS)}", line=6)
-    unit = None
     units = [field.strip() for field in lines[8].split("\t")]
     if units[0] != "Hz":
         raise FileFormatError(f"the frequency is in {units[0]!r}, expected Hz", line=9)
     match = _EXPORT_UNITS.fullmatch(units[1]) if len(units) > 1 else None
-    if match:
-        try:
-            unit = parse_unit(f"({match['response']})/({match['reference']})")
-        except UnitError as error:
-            if options.unit is None:
-                raise FileFormatError(f"{error}; give it with unit=", line=9) from None
+    unit = f"({match['response']})/({match['reference']})" if match else None
+    if unit is not None and options.unit is not None and not is_unit(unit):
+        unit = None
     rows = [(line, row) for line, row in enumerate(lines[_EXPORT_HEADER:], _EXPORT_HEADER + 1) if row.strip()]
     if not rows:
         raise FileFormatError("there are no rows of numbers behind the header", line=_EXPORT_HEADER)
-    table, notes = _read_rows(text, rows, rows, _EXPORT_ROWS.fullmatch(lines[3]))
-    with error_location(line=9):
-        resolved = resolve_frf(options, declared=unit, form=None, directions=None)
     label = lines[2].removeprefix("Channel Name").strip().rstrip(":").strip()
-    channels = ((response.strip(),), (reference.strip(),)) if response.strip() or reference.strip() else None
-    return [_frf_of_columns(table, resolved, notes, options, label=label, labels=channels)]
+    table = _table(text, rows, rows, _EXPORT_ROWS.fullmatch(lines[3]), unit=unit, label=label, header=9)
+    (frf,) = measurements_in(table, options)
+    if isinstance(frf, FRF) and (response.strip() or reference.strip()):
+        frf = frf.with_(labels=((response.strip(),), (reference.strip(),)))
+    return [frf]
 
 
 def _lost(frf: FRF, further: str) -> list[str]:
@@ -135,7 +132,8 @@ def _lost(frf: FRF, further: str) -> list[str]:
             f"this format holds one response and one excitation, this FRF has {frf.shape[1]} and {frf.shape[2]}; "
             "select one"
         )
-    lost = [name for name in ("coherence", "log_variance", "usable", further) if getattr(frf, name) is not None]
+    lost = [name for name in arrays_of(frf) if name not in ("frequency_hz", "values")]
+    lost += [further] if getattr(frf, further) is not None else []
     return lost + (["decay_rate (the values belong to complex lines)"] if frf.decay_rate else [])
 
 
@@ -146,37 +144,24 @@ def _rows(frf: FRF) -> list[str]:
     ]
 
 
-def _read_rows(
-    text: str, rows: list[tuple[int, str]], lines: list[tuple[int, str]], declared: re.Match[str] | None
-) -> tuple[NDArray[np.float64], list[str]]:
-    """Return the columns, and notes on a text that may be truncated; a declared number of rows is checked."""
-    table = parse_lines(rows, lambda _, row: row.split(), _COLUMNS)
-    bad = np.flatnonzero(~np.isfinite(table).all(axis=1))
-    if bad.size:
-        raise FileFormatError("the numbers are not all finite", line=rows[bad[0]][0])
-    check_ascending(table[:, 0].tolist(), [line for line, _ in rows])
-    if declared:
-        check_row_count(text, len(rows), int(declared["rows"]), rows[-1][0])
-        return table, []
-    return table, truncation_notes(text, lines)
-
-
-def _frf_of_columns(
-    table: NDArray[np.float64],
-    resolved: Resolved,
-    notes: list[str],
-    options: ReadOptions,
+def _table(
+    text: str,
+    rows: list[tuple[int, str]],
+    lines: list[tuple[int, str]],
+    declared: re.Match[str] | None,
     *,
+    unit: str | None,
     label: str,
-    labels: tuple[tuple[str, ...], tuple[str, ...]] | None = None,
-) -> FRF:
-    return make_frf(
-        frequency_hz=table[:, 0],
-        values=to_si(complex_values(table[:, 1], table[:, 2]), resolved.factor),
-        form=resolved.kind.form,
-        directions=([resolved.kind.response], [resolved.kind.excitation]),
-        labels=labels,
+    header: int = 0,
+) -> NumberTable:
+    """Return the columns, with a note on a text that may be truncated; a declared number of rows is checked."""
+    values = parse_lines(rows, lambda _, row: row.split(), [f"the {column.name}" for column in _COLUMNS])
+    return NumberTable(
+        columns=tuple(column if column.unit else replace(column, unit=unit) for column in _COLUMNS),
+        values=values,
+        header=header,
+        lines=tuple(line for line, _ in rows),
+        about=None,
+        notes=tuple(truncation_notes(text, lines, int(declared["rows"]) if declared else None)),
         label=label,
-        notes=[*notes, *resolved.notes],
-        options=options,
     )
