@@ -29,8 +29,7 @@ def without_warnings(*arguments, **options):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stated", [False, True])
-@pytest.mark.parametrize("separation", [0.5, 0.25])
+@pytest.mark.parametrize(("separation", "stated"), [(0.5, True), (0.25, False)])
 def test_close_modes_and_their_intervals(separation, stated):
     """Modes as near as a quarter of their half-power band are resolved, and intervals contain the true values."""
     runs = 20
@@ -196,8 +195,7 @@ def test_intervals_of_a_broad_mode_near_an_outside_mode():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["force", "response", "separate"])
-@pytest.mark.parametrize("correlated", [1.0, 6.0])
+@pytest.mark.parametrize(("kind", "correlated"), [("force", 6.0), ("response", 1.0), ("separate", 6.0)])
 def test_noise_common_to_several_responses(correlated, kind):
     """Noise of the force is the same in all responses relative to the FRF, also between lines; noise of a response not.
 
@@ -403,8 +401,7 @@ def test_intervals_with_errors_smooth_over_lines():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stated", [False, True])
-@pytest.mark.parametrize("width", [0.3, 1.0, 3.0])
+@pytest.mark.parametrize(("width", "stated"), [(0.3, False), (1.0, True), (3.0, False)])
 def test_noise_under_an_exponential_window(width, stated):
     """Noise exp(-sigma t) correlates lines; intervals cover, be that over less or more than a half-power band.
 
