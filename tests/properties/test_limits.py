@@ -1,8 +1,6 @@
-"""Limits that are known without the model: rigid and free joints, a rigid body, rods, similar structures."""
+"""Limits that are known without the model: a moved joint is a rigid offset, and rods have closed forms."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 from hypothesis import assume, given
@@ -23,18 +21,6 @@ def test_a_moved_joint_is_a_rigid_offset(joint: dict[str, float], e: float, f: n
     size = here.k_theta + e * e * here.k_y
     np.testing.assert_allclose(there.stiffness(f).real, here.stiffness(f).real, rtol=1e-12, atol=1e-12 * size)
     assert here.moved(0.0) == here
-
-
-def similar(s: Segment, *, size: float = 1.0, modulus: float = 1.0, density: float = 1.0) -> Segment:
-    """Return a segment with every length, modulus and density multiplied."""
-    change = [
-        None if m is None else replace(m, youngs_modulus=m.youngs_modulus * modulus, density=m.density * density)
-        for m in (s.material, s.core)
-    ]
-    return replace(
-        s, length=s.length * size, outer_diameter=s.outer_diameter * size, inner_diameter=s.inner_diameter * size,
-        material=change[0], core=change[1],
-    )  # fmt: skip
 
 
 @given(segment=segments(), f=frequencies())
