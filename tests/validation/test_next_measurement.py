@@ -13,7 +13,7 @@ from receptance.predict import Candidate, next_measurement
 from simulated_campaigns import PARAMETERS, simulate_campaign
 
 SEED = 20261121
-CAMPAIGNS = 10
+CAMPAIGNS = 20
 KNOWN = 0.15
 """Deviations (of log10, or of a coupling relative to sqrt(k_y k_theta)) beyond which nothing Gaussian is expected."""
 Summarise = Callable[[str, str, object], None]
