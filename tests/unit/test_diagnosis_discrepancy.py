@@ -12,25 +12,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from receptance import (
-    CARBIDE,
-    STEEL,
-    Assembly,
-    Material,
-    Observation,
-    Part,
-    PointJoint,
-    PointMass,
-    Segment,
-)
+from receptance import CARBIDE, STEEL, Assembly, Material, Observation, Part, PointJoint, PointMass, Segment
 from receptance.diagnosis import Model, Step, diagnose
 from receptance.diagnosis.adequacy import Strain
-from receptance.diagnosis.discrepancy import (
-    Discrepancy,
-    fit_discrepancy,
-    growth_beside_peaks,
-    resonant,
-)
+from receptance.diagnosis.discrepancy import Discrepancy, fit_discrepancy, growth_beside_peaks, resonant
 from receptance.diagnosis.fitting import fit_base
 from receptance.diagnosis.held_out import Improvement
 from receptance.diagnosis.judgement import conclude

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from receptance import STEEL, Assembly, Coordinate, GroundSpring, Observation, Part, Segment
+from receptance import STEEL, Assembly, Coordinate, GroundSpring, Observation, Part, Segment, Unknown
 from receptance.coupling import Holder
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, diagnose
+from receptance.diagnosis.fitting import fit_base, with_null
+from receptance.diagnosis.starts import fit_again, fit_levels, has_levels
 from receptance.fit import Law
 
 FORCES = (5.0, 25.0)
@@ -93,6 +95,32 @@ def test_across_the_contact_is_named_with_it() -> None:
     assert {one.id for one in verdict.causes} == {"flexible_body", "contact_distribution"}
     _, low, high = next(one for one in verdict.causes if one.id == "flexible_body").parameters["flexible_body.decades"]
     assert low < np.log10(STEEL.youngs_modulus / 2e11) < high
+
+
+def test_levels_are_fitted_individually_from_distant_starts() -> None:
+    """Free springs at two forces are two problems."""
+    model = Model(tuple(make_observations("axial")), tuple(springs("taper")))
+    assert has_levels(model)
+    whole, alone = fit_levels(model), fit_base(model.select(model.observations[:1]))
+    assert whole.by_configuration["5 kN"] == pytest.approx(alone.chi_square, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_cause_found_at_one_level_is_fitted_to_all() -> None:
+    """The rigid body does not explain one force, and is not fitted to the other; the elastic one explains both."""
+    model = Model(tuple(make_observations("axial")), tuple(springs("taper")))
+    rigid = fit_levels(model)
+    assert fit_again(rigid) is None
+    elastic = fit_again(with_null(CATALOGUE["flexible_body"].variants(model)[0].model, rigid))
+    assert elastic is not None
+    assert elastic.misfit < 1.3
+    assert elastic.values["flexible_body.decades"] == pytest.approx(np.log10(STEEL.youngs_modulus / 2e11), abs=0.02)
+
+
+def test_levels_need_free_values_at_two_of_them() -> None:
+    one, other = make_observations("axial")
+    assert not has_levels(Model((one,), tuple(springs("taper"))))
+    assert not has_levels(Model((one, other), (Unknown(address="taper.k_y", lower=1e7, upper=1e12),)))
 
 
 @pytest.mark.parametrize(
