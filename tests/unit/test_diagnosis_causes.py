@@ -15,7 +15,7 @@ from limits import LIMIT_S
 from receptance import CARBIDE, STEEL, Assembly, ColletJoint, Observation, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, Step, UndecidableError, Variant
 from receptance.diagnosis.causes import parameters_of
-from receptance.diagnosis.explanation import Explanation
+from receptance.diagnosis.explanation import Explanation, behind_limit
 from receptance.diagnosis.fitting import explore, in_parallel
 from receptance.diagnosis.model import IndescribableError
 from receptance.diagnosis.thresholds import COLLET_GYRATION
@@ -212,6 +212,13 @@ def test_fits_in_the_background_end_after_an_interrupt() -> None:
     went_on = not ended.wait(LIMIT_S)
     enough.set()
     assert not went_on, "the fit goes on"
+
+
+def test_explanations_far_behind_the_best_one_are_not_fitted_on_all_lines() -> None:
+    """A fixed distance, and a share of the gain of the best one."""
+    assert behind_limit(1000.0, [200.0, 700.0]) == pytest.approx(200.0 + 60.0 + 0.3 * 800.0)
+    # Without a cause that gains, the model itself is the best one.
+    assert behind_limit(1000.0, [1500.0]) == behind_limit(1000.0, []) == pytest.approx(1060.0)
 
 
 @pytest.mark.parametrize("plausible", [(1.0,), (5.0, 1.0)])
