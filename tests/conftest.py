@@ -112,6 +112,9 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Keep the tests of a file in one process: they share fits and studies that take longer than the tests."""
     from xdist.scheduler import LoadFileScheduling
 
+    # By the number of their tests, files with a few long ones would come last, when the other process has ended.
+    if config.option.markexpr == "slow":
+        config.option.loadscopereorder = False
     return LoadFileScheduling(config, log)
 
 

@@ -27,6 +27,10 @@ INFERENCE = (
     "and density were fitted to 30 natural frequencies: the 20 PREDICTED ones of table 2 and the 10 measured at 135 "
     "N m of table 4, with the joint stiffnesses of table 5."
 )
+E_TOOL, LENGTH = "tool.segment[0].youngs_modulus", "tool.segment[0].length"
+"""Addresses of the modulus and of the overhang of the blank."""
+BOUNDS = {"k_y": (1e6, 1e13), "k_theta": (1e2, 1e9)}
+"""Bounds of the stiffnesses when they are fitted."""
 _Row = TypeVar("_Row")
 Stiffness = Mapping[float, Sequence[float]]
 """(k_y, k_theta) by diameter in mm."""

@@ -12,193 +12,33 @@ Run with `python docs/studies/table3.py [--coherence X] [--averages N] [--seed N
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from scipy.signal import find_peaks
 
-import er32_tables
 import receptance as rc
-from output import options, print_table, save
-from receptance.fit import Floor, Tolerance, constrained_fit, profile_likelihoods
+from output import options, save
+from receptance.fit import constrained_fit, profile_likelihoods
+from table3_report import ENOUGH_PERCENT, draw, show
+from table3_tests import (
+    BANDS_HZ,
+    FREE,
+    MACHINE,
+    MENU,
+    SETS,
+    STEP_HZ,
+    STIFFNESSES,
+    TRUTH,
+    Measuring,
+    damping_bounds,
+    measure,
+    tolerances,
+    unknowns,
+)
 
-DIAMETER_MM = 9.53
-OVERHANGS_MM = (114.2, 62.6, 23.8)
-"""Overhangs of this tool in tables 1 and 2; the first one is used in the machine."""
-STEEL_LOSS, CARBIDE_LOSS = 0.002, 0.001
-JOINT = ("joint.k_y", "joint.k_theta", "joint.c_y", "joint.c_theta")
-STIFFNESSES = JOINT[:2]
-TRUE_C_Y = 200.0
-"""N s/m, assumed: the paper prints c_theta for the curve-fitted set, but no c_y."""
-LARGEST_LOSS_FACTOR, TOOL_MODE_HZ = 0.12, 720.0
-"""No metallic interface has a larger loss factor; with the mode of the tool it bounds the dampings."""
-BANDS_HZ = {False: (100.0, 2000.0), True: (200.0, 12500.0)}
-"""Band of a test in the machine and of a free-free test."""
-STEP_HZ = 5.0
 CONFIDENCE = 0.95
-ENOUGH_PERCENT = 10.0
-
-SETS = er32_tables.load().parameter_sets
-TRUE_SET = next(one for one in SETS if one.name == "curve_fitted")
-TRUTH: dict[str, float] = dict(
-    zip(JOINT, (TRUE_SET.k_y, TRUE_SET.k_theta, TRUE_C_Y, TRUE_SET.c_theta or 0.0), strict=True)
-)
-
-TOLERANCES = (
-    Tolerance(name="carbide E", moves={"tool.segment[0].youngs_modulus": 0.01}, relative=True),
-    Tolerance(name="carbide density", moves={"tool.segment[0].density": 0.005}, relative=True),
-    Tolerance(name="blank diameter", moves={"tool.segment[0].outer_diameter": 5e-6}),
-    Tolerance(name="steel E", moves={"holder.segment[*].youngs_modulus": 0.01}, relative=True),
-    Tolerance(name="holder turned", moves={"holder.segment[*].outer_diameter": 1e-4}),
-    Tolerance(name="taper k_y", moves={"taper.k_y": 0.1}, relative=True),
-    Tolerance(name="taper k_theta", moves={"taper.k_theta": 0.1}, relative=True),
-    Tolerance(name="front bearing", moves={"front.k_y": 0.1}, relative=True),
-    Tolerance(name="rear bearing", moves={"rear.k_y": 0.1}, relative=True),
-)
-
-
-@dataclass(frozen=True)
-class Test:
-    """A test of the tool at an overhang, free-free or in the machine."""
-
-    name: str
-    overhang_mm: float
-    free: bool
-
-    @property
-    def assembly(self) -> rc.Assembly:
-        """The assembly with the true joint."""
-        return assembly(self.overhang_mm, free=self.free)
-
-
-MACHINE = Test("in the machine", OVERHANGS_MM[0], free=False)
-FREE = Test(f"free-free at {OVERHANGS_MM[0]:g} mm", OVERHANGS_MM[0], free=True)
-MENU = (
-    Test("the same once more", OVERHANGS_MM[0], free=False),
-    *(Test(f"in the machine at {mm:g} mm", mm, free=False) for mm in OVERHANGS_MM[1:]),
-    *(Test(f"free-free at {mm:g} mm", mm, free=True) for mm in OVERHANGS_MM),
-)
-
-
-@dataclass(frozen=True)
-class Measuring:
-    """Coherence and number of averages of every line of the simulated tests."""
-
-    coherence: float = 0.98
-    averages: int = 10
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.coherence < 1.0:
-            raise ValueError(f"coherence is {self.coherence:g}, expected between 0 and 1")
-        if self.averages < 2:
-            raise ValueError(f"averages is {self.averages}, expected at least 2")
-
-    @property
-    def noise(self) -> float:
-        """Standard deviation of real and imaginary part of the log response."""
-        return float(np.sqrt((1.0 - self.coherence) / (2.0 * (self.averages - 1) * self.coherence)))
-
-
-def assembly(overhang_mm: float, *, free: bool) -> rc.Assembly:
-    """Return the tool in the holder with the true joint, free or in the simulated spindle."""
-    own = er32_tables.assembly(DIAMETER_MM, overhang_mm).replace(
-        {**TRUTH, "holder.segment[*].loss_factor": STEEL_LOSS, "tool.segment[0].loss_factor": CARBIDE_LOSS}
-    )
-    if free:
-        return own
-    steel = replace(er32_tables.parts()[1].segments[-1].material, loss_factor=STEEL_LOSS)
-    shaft = [
-        rc.Segment(length=length, outer_diameter=outer, inner_diameter=0.03, material=steel)
-        for length, outer in ((0.08, 0.07), (0.25, 0.065))
-    ]
-    taper = rc.PointJoint(k_y=1.5e9, k_theta=2e6, loss_factor=0.02, name="taper")
-    bearings = [
-        rc.GroundSpring(k_y=3e8, k_theta=5e4, c_y=2e3, part="spindle", position=0.08, name="front"),
-        rc.GroundSpring(k_y=2e8, c_y=2e3, part="spindle", position=0.30, name="rear"),
-    ]
-    return rc.Assembly([*own.elements.values(), taper, rc.Part(shaft, name="spindle")], bearings)
-
-
-def damping_bounds() -> dict[str, tuple[float, float]]:
-    """Return bounds of the dampings, from a thousandth of a per cent to the largest loss factor of the stiffness."""
-    w = 2.0 * np.pi * TOOL_MODE_HZ
-    return {
-        c: (1e-5 * TRUTH[k] / w, LARGEST_LOSS_FACTOR * TRUTH[k] / w) for k, c in zip(JOINT[:2], JOINT[2:], strict=True)
-    }
-
-
-def unknowns(near: Mapping[str, float] | None = None) -> list[rc.Unknown]:
-    """Return the joint within the range of table 3, its start near some values."""
-    bounds = {"joint.k_y": (1e6, 1e13), "joint.k_theta": (1e2, 1e13), **damping_bounds()}
-    return [
-        rc.Unknown(address=a, lower=low, upper=high, start=None if near is None else float(np.clip(near[a], low, high)))
-        for a, (low, high) in bounds.items()
-    ]
-
-
-def deviations_of(tolerance: Tolerance, own: rc.Assembly) -> dict[str, float]:
-    """Return the parameters of an assembly that an error changes, with their standard deviations."""
-    return {
-        address: deviation
-        for pattern, deviation in tolerance.moves.items()
-        for address in own.parameters
-        if address == pattern or re.sub(r"segment\[\d+\]", "segment[*]", address) == pattern
-    }
-
-
-def tolerances(tests: Mapping[str, rc.Assembly]) -> list[Tolerance]:
-    """Return the errors of some tests; every clamping has an error of the overhang of its own."""
-    shared = [one for one in TOLERANCES if any(deviations_of(one, own) for own in tests.values())]
-    return shared + [
-        Tolerance(name=f"overhang, {name}", moves={"tool.segment[0].length": 1e-4}, configurations=(name,))
-        for name in tests
-    ]
-
-
-def measure(
-    test: Test, measuring: Measuring, values: Mapping[str, float], random: np.random.Generator | None = None
-) -> rc.Observation:
-    """Simulate a measured tip response.
-
-    Parameters
-    ----------
-    test : Test
-        Name of the configuration, and assembly.
-    measuring : Measuring
-        Noise.
-    values : mapping of str to float
-        The joint by address, and errors by name of the tolerance in standard deviations (0 where absent).
-    random : Generator, optional
-        Source of noise; without it there is none, but the standard deviations are the same.
-    """
-    nominal = test.assembly
-    true = nominal.replace({a: values[a] for a in JOINT})
-    for tolerance in tolerances({test.name: nominal}):
-        error = values.get(tolerance.name, 0.0)
-        true = true.replace(
-            {
-                a: true.get(a) * np.exp(sd * error) if tolerance.relative else true.get(a) + sd * error
-                for a, sd in deviations_of(tolerance, nominal).items()
-            }
-        )
-    low, high = BANDS_HZ[test.free]
-    lines = np.arange(low, high + 0.5 * STEP_HZ, STEP_HZ)
-    response = true.receptance(lines)
-    deviation = np.sqrt(measuring.noise**2 + Floor().variance(lines, response))
-    if random is not None:
-        scatter = random.standard_normal(lines.size) + 1j * random.standard_normal(lines.size)
-        response = response * np.exp(deviation * scatter)
-    return rc.Observation(
-        assembly=nominal,
-        frequency_hz=lines,
-        receptance=response,
-        standard_deviation=deviation,
-        label=test.name,
-        configuration=test.name,
-    )
 
 
 def fit(
@@ -357,115 +197,6 @@ def profile_rows(profiles: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         }
         for name, one in profiles.items()
     }
-
-
-def show(found: dict[str, Any]) -> None:
-    """Print the results."""
-    own = found["settings"]
-    print("VIRTUAL: all measurements are simulated, the spindle is invented, the holder is inferred and not published.")
-    print(
-        f"Noise: coherence {own['coherence']:g} from {own['averages']} averages, so {100 * own['noise']:.1f} % on "
-        f"every line, {own['step_hz']:g} Hz apart, and a floor of 0.3 % and of 0.01 % of frequency; in the machine "
-        f"{own['machine_hz'][0]:g} to {own['machine_hz'][1]:g} Hz, free {own['free_hz'][0]:g} to "
-        f"{own['free_hz'][1]:g} Hz. Seed {own['seed']}."
-    )
-    print_table(
-        "Tolerances: standard deviations, drawn for the simulation and fitted; every overhang 0.1 mm",
-        [
-            {"name": t.name, "size": f"{100 * sd:g} %" if t.relative else f"{1e6 * sd:g} um"}
-            for t in TOLERANCES
-            for sd in t.moves.values()
-        ],
-        {"error of": "name", "standard deviation": "size"},
-    )
-    upper = ", ".join(f"{name} {high:.3g}" for name, (_, high) in found["damping_bounds"].items())
-    print(f"\nUpper bounds of the dampings: {upper}, a loss factor of {LARGEST_LOSS_FACTOR:g} of the true stiffness.")
-    columns = {
-        "parameter": "name",
-        "simulated": "simulated:.3g",
-        "found": "value:.3g",
-        "95 % profile interval": "interval:.3g",
-        "half-width [%]": "half_width_percent:.2g",
-        "inside": "inside",
-        "in words": "statement",
-    }
-    for key, title in (
-        ("machine_alone", "From the response in the machine alone"),
-        ("with_free_free", f"With {FREE.name}"),
-        ("with_best", f"With {found['best']}, the best-ranked test, instead"),
-    ):
-        print_table(title, [{"name": name, **row} for name, row in found[key].items()], columns)
-    for free, title in ((False, "In the machine"), (True, "Free, with both tests fitted")):
-        sets = [one for one in found["sets"] if (one["test"] == FREE.name) is free]
-        modes = {f"{m['true_hz']:.0f} Hz{'*' if m['shows_as_peak'] else ''}": i for i, m in enumerate(sets[0]["modes"])}
-        print_table(
-            f"{title}: errors of natural frequencies in percent; * shows as a peak",
-            [
-                {
-                    **one,
-                    **{f"mode {i}": one["modes"][i]["percent"] for i in modes.values()},
-                    # The tails of the distribution are not known further out.
-                    "p": f"{one['p_value']:.2g}" if one["p_value"] >= 1e-6 else "< 1e-6",
-                }
-                for one in sets
-            ],
-            {
-                "set": "name",
-                "k_y": "k_y:.3g",
-                "k_theta": "k_theta:.3g",
-                **{head: f"mode {i}:+.2f" for head, i in modes.items()},
-                "passes by hand at [%]": "passes_by_hand_from_percent:.2g",
-                "all modes [%]": "over_all_modes_percent:.2g",
-                "rise of -2 log L": "rise:.3g",
-                "p": "p",
-                "rejected": "rejected",
-            },
-        )
-    print_table(
-        "Half-width in percent expected after a test: the widest of three joints that the data permit, and at the fit",
-        [
-            {
-                "name": one["name"],
-                **{f"{where} {name}": one[where][name] for where in one if "half" in where for name in STIFFNESSES},
-            }
-            for one in found["expected"]
-        ],
-        {
-            "test": "name",
-            **{f"{name}, widest": f"half_width_percent {name}:.2g" for name in STIFFNESSES},
-            **{f"{name}, at the fit": f"half_width_percent_at_fit {name}:.2g" for name in STIFFNESSES},
-        },
-    )
-    closes = "closes" if found["closes"] else "does not close"
-    print(f"\nAdding {FREE.name} {closes} the intervals of both stiffnesses to under {ENOUGH_PERCENT:g} %.")
-
-
-def draw(found: dict[str, Any]) -> Any:
-    """Return a figure of the four sets beside both responses, and of the profiles without and with the free test."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(13.0, 9.0), layout="constrained")
-    figure.suptitle("Table 3 found by the program: VIRTUAL, all measurements simulated")
-    panels = figure.subplots(2, 2)
-    for axes, measured in zip(panels[0], found["_figure"]["measured"], strict=True):
-        lines = measured.frequency_hz.real
-        axes.semilogy(
-            lines, np.abs(measured.receptance), ".", color="0.6", markersize=3.0, label="simulated measurement"
-        )
-        for one, style in zip(SETS, ("-", "--", "-.", ":"), strict=True):
-            own = measured.assembly.replace({"joint.k_y": one.k_y, "joint.k_theta": one.k_theta})
-            axes.semilogy(lines, np.abs(own.receptance(lines)), style, linewidth=1.2, label=one.name)
-        axes.set(title=measured.label, xlabel="frequency (Hz)", ylabel="tip receptance (m/N)")
-        axes.legend(fontsize=8)
-    for axes, name in zip(panels[1], STIFFNESSES, strict=True):
-        for profiles, label in zip(found["_figure"]["profiles"], ("machine alone", f"with {FREE.name}"), strict=True):
-            profile = profiles[name]
-            axes.semilogx(profile.values, profile.rise, "o-", markersize=3.0, label=f"{label}: {profile.statement}")
-        axes.axhline(profile.threshold, color="tab:red", linewidth=1.0)
-        axes.axvline(TRUTH[name], color="k", linestyle=":", label=f"simulated: {TRUTH[name]:.3g}")
-        axes.set(title=name, ylabel="rise of -2 log L", ylim=(-0.2, 3.0 * profile.threshold))
-        axes.legend(fontsize=8)
-    return figure
 
 
 if __name__ == "__main__":

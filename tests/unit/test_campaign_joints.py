@@ -201,25 +201,11 @@ WITHOUT = MICROSLIP.replace('reference_force = "20 N"\n', "")
         (
             STIFF,
             THETA,
-            'shank = { outer_diameter = "12 mm"',
-            'shank = { outer_diameter = "13 mm"',
-            "joints.joint: shank.outer_diameter is 0.013 m",
-        ),
-        (
-            STIFF,
-            THETA,
             'material = "carbide" }\nsleeve',
             'material = "carbid" }\nsleeve',
             'joints.joint.shank.material: is "carbid", which is not a material',
         ),
         (STIFF, THETA, "joint.k_theta", "joint.shank.k_theta", '"joint.shank.k_theta": is a parameter of no assembly'),
-        (
-            COLLET,
-            INNER,
-            'inner = { k_theta = "2e5 N m/rad"',
-            'inner = { k_theta = "2e5 N/m"',
-            'joints.joint.inner.k_theta: is "2e5 N/m", a stiffness, expected a rotational stiffness',
-        ),
         (MICROSLIP, THETA, "_theta = 0.2", "_theta = -0.2", "joints.joint.slip_theta: is -0.2, expected zero or more"),
         (
             MICROSLIP,

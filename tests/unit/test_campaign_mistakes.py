@@ -289,8 +289,3 @@ def test_the_force_channel_of_hammer_records_is_not_the_amplitude_of_a_sine(tmp_
         new = f'kind = {kind}\nassembly = "short"\nfile = "short.csv"\nlevel = 2\n'
         error = mistakes(tmp_path, changed((f'{old}standard_deviation = "2 Hz"\n', new), joint))
         assert [problem.path for problem in error.problems] == [("measurements", "short", key) for key in expected]
-
-
-def test_a_wrong_address_of_an_unknown_is_reported_once(tmp_path: Path) -> None:
-    error = mistakes(tmp_path, changed(('"joint.k_y" = {', '"joint.k_z" = {')))
-    assert [problem.path for problem in error.problems] == [("unknowns", "joint.k_z")]

@@ -10,9 +10,8 @@ import pytest
 from blank_in_holder import make_assembly
 from receptance import CARBIDE, Observation, Unknown
 from receptance.diagnosis import CATALOGUE, Model
-from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.fitting import refit
-from receptance.diagnosis.screening import Direction, detection_threshold, directions
+from receptance.diagnosis.screening import detection_threshold, directions
 from receptance.fit import Tolerance
 from receptance.fit.observation import altered
 
@@ -41,36 +40,6 @@ def base(rng: np.random.Generator | None) -> Model:
     unknowns = tuple(Unknown(address=a, lower=v / 1e3, upper=v * 1e3, start=v) for a, v in joint.items())
     error = Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True)
     return Model(tuple(observed), unknowns, (error,))
-
-
-def test_nearly_dependent_effects_of_a_cause_have_the_threshold_of_distinct_ones() -> None:
-    fit = refit(base(None), {})
-    (variant, *_) = CATALOGUE["joint_cross_term"].variants(fit.model)
-    rng = np.random.default_rng(4)
-    first, second = rng.normal(size=(2, 300, 1))
-    thresholds = []
-    for difference in (0.1, 1e-4):
-        slopes = np.hstack([first, first + difference * second])
-        parameters = parameters_of(variant.model.unknowns)
-        one = Direction(CATALOGUE["joint_cross_term"], variant, parameters, slopes, False, 0.0, {})
-        thresholds.append(detection_threshold([one], PENALTY))
-    # Two effects always leave chi-square of two degrees of freedom.
-    assert thresholds[0] + PENALTY == pytest.approx(2.0 * math.log(1000.0), abs=1.2)
-    assert thresholds[1] == pytest.approx(thresholds[0], abs=0.02)
-
-
-def test_a_cause_that_acts_in_one_direction_gains_nothing_from_noise_in_the_other() -> None:
-    fit = refit(base(None), {})
-    (variant, *_) = CATALOGUE["sensor_mass"].variants(fit.model)
-    slopes = np.random.default_rng(5).normal(size=(300, 1))
-    parameters = parameters_of(variant.model.unknowns)
-    one, other = (
-        Direction(CATALOGUE["sensor_mass"], variant, parameters, sign * slopes, True, 0.0, {}) for sign in (1.0, -1.0)
-    )
-    # Half of the draws gain something with one of them, and all draws with one of two opposite ones.
-    assert detection_threshold([one, one], PENALTY, level=0.45) == pytest.approx(-PENALTY, abs=1e-6)
-    assert detection_threshold([one, one], PENALTY, level=0.6) > 0.01 - PENALTY
-    assert detection_threshold([one, other], PENALTY, level=0.2) > 0.01 - PENALTY
 
 
 @pytest.mark.slow

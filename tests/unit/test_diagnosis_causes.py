@@ -15,10 +15,9 @@ from limits import LIMIT_S
 from receptance import CARBIDE, STEEL, Assembly, ColletJoint, Observation, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, Step, UndecidableError, Variant
 from receptance.diagnosis.causes import parameters_of
-from receptance.diagnosis.explanation import Explanation, Selection, behind_limit
-from receptance.diagnosis.fitting import explore, fit_base, in_parallel
+from receptance.diagnosis.explanation import Explanation, behind_limit
+from receptance.diagnosis.fitting import explore, in_parallel
 from receptance.diagnosis.model import IndescribableError
-from receptance.diagnosis.selection import Search
 from receptance.diagnosis.thresholds import COLLET_GYRATION
 from receptance.fit import Law, Move, Tolerance
 from receptance.fit.observation import altered
@@ -164,16 +163,6 @@ def test_a_heavy_collet_has_a_moment_of_inertia_of_its_own() -> None:
     assert fit.values["collet_mass.log_inertia"] == pytest.approx(2.0 * np.log(0.75 / COLLET_GYRATION), abs=0.02)
 
 
-def test_later_starts_are_not_needed_where_a_fit_is_adequate() -> None:
-    near, far = {"joint.k_y": 4e8, "joint.k_theta": 8e4}, {"joint.k_y": 2e6, "joint.k_theta": 2e7}
-    alone = explore(MODEL, [near]).go_on([])
-    assert alone.misfit < 1e-3
-    assert explore(MODEL, [near]).go_on([far]).evaluations == alone.evaluations
-    both = explore(MODEL, [far]).go_on([near])
-    assert both.evaluations > alone.evaluations
-    assert both.misfit < 1e-3
-
-
 def test_an_error_of_the_first_segment_lengthens_a_joint_along_the_whole_insertion() -> None:
     """What that joint leaves of the segment is shorter than an ordinary error, which would make it negative."""
     error = Tolerance(name="insertion", moves={"holder.segment[0].length": 1e-4})
@@ -188,33 +177,6 @@ def test_an_error_of_the_first_segment_lengthens_a_joint_along_the_whole_inserti
         before, after = (problem.residual(x + shift * np.eye(x.size)[at])[:lines].copy() for shift in (0.0, -3.0))
         assert np.isfinite(after).all()
         assert np.max(np.abs(after - before)) > 0.1
-
-
-def test_all_variants_of_a_cause_that_takes_most_of_the_misfit() -> None:
-    """Of twelve variants screening chooses three, and an uneven joint along the whole insertion is none of them."""
-    model = Model(tuple(map(observe_uneven, (0.05, 0.065, 0.08))), JOINT)
-    base = fit_base(model)
-    selection = Selection(base, 6.0)
-    search = Search(selection, [CATALOGUE["joint_spread"]], most=1)
-    search.fit_singles()
-    search.fit_variants()
-    assert base.misfit > 10.0
-    assert selection.best is not None
-    assert selection.best.steps[0].variant == "4 points, uneven over the whole insertion"
-    assert selection.best.fit.misfit < 0.01
-    assert selection.best.fit.values["joint_spread.slope"] == pytest.approx(-0.6, abs=0.01)
-
-
-def observe_uneven(overhang: float) -> Observation:
-    nominal = observe_insertion(overhang)
-    true = spread_along_all(nominal).replace({"joint.slope": -0.6})
-    return altered(nominal, receptance=true.receptance(LINES), standard_deviation=np.full(LINES.size, 1e-4))
-
-
-def spread_along_all(one: Observation) -> Assembly:
-    variants = CATALOGUE["joint_spread"].variants(Model((one,), JOINT))
-    whole = next(each for each in variants if each.name == "4 points, uneven over the whole insertion")
-    return whole.model.observations[0].assembly
 
 
 def observe_insertion(overhang: float) -> Observation:
@@ -259,19 +221,7 @@ def test_explanations_far_behind_the_best_one_are_not_fitted_on_all_lines() -> N
     assert behind_limit(1000.0, [1500.0]) == behind_limit(1000.0, []) == pytest.approx(1060.0)
 
 
-@pytest.mark.parametrize("plausible", [None, (1.0,), "ab", (5.0, 1.0), (float("nan"), 1.0)])
+@pytest.mark.parametrize("plausible", [(1.0,), (5.0, 1.0)])
 def test_a_plausible_range_is_two_numbers_in_order(plausible: Any) -> None:
     with pytest.raises(ValueError, match=r"Parameter 'mass': plausible is .*, expected two numbers, the smaller one"):
         Parameter(name="mass", unit="kg", lower=0.0, upper=1.0, typical=0.1, plausible=plausible)
-
-
-def test_the_unknown_of_an_earlier_cause_is_no_size_of_another_one() -> None:
-    (sensor, *_) = CATALOGUE["sensor_mass"].variants(MODEL)
-    (gain, *_) = CATALOGUE["calibration_gain"].variants(sensor.model)
-    values = {unknown.name: unknown.start for unknown in gain.model.unknowns} | {"sensor_mass.mass": 5.0}
-    fit: Any = SimpleNamespace(model=gain.model, values=values)
-    alone = Explanation((Step(CATALOGUE["calibration_gain"], gain.name),), fit, 1.0, 1.0)
-    assert set(alone.parameters) == {"calibration_gain.log_gain"}
-    assert alone.implausible == ()
-    both = Explanation((Step(CATALOGUE["sensor_mass"], sensor.name), *alone.steps), fit, 1.0, 1.0)
-    assert both.implausible == ("sensor_mass.mass",)

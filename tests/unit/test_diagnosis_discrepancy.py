@@ -12,38 +12,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from receptance import (
-    CARBIDE,
-    STEEL,
-    Assembly,
-    Material,
-    Observation,
-    Part,
-    PointJoint,
-    PointMass,
-    Segment,
-)
-from receptance.diagnosis import CATALOGUE, Model, Step, diagnose, engine
+from receptance import CARBIDE, STEEL, Assembly, Material, Observation, Part, PointJoint, PointMass, Segment
+from receptance.diagnosis import Model, Step, diagnose
 from receptance.diagnosis.adequacy import Strain
-from receptance.diagnosis.causes import extend
-from receptance.diagnosis.discrepancy import (
-    DAMPING,
-    FREQUENCY,
-    LEVEL,
-    Discrepancy,
-    _Errors,
-    _Expectation,
-    _most_likely,
-    fit_discrepancy,
-    growth_beside_peaks,
-    resonant,
-)
-from receptance.diagnosis.fitting import evaluate, fit_base
+from receptance.diagnosis.discrepancy import Discrepancy, fit_discrepancy, growth_beside_peaks, resonant
+from receptance.diagnosis.fitting import fit_base
 from receptance.diagnosis.held_out import Improvement
 from receptance.diagnosis.judgement import conclude
-from receptance.diagnosis.presentation import alternatives
-from receptance.diagnosis.screening import detection_threshold
-from receptance.diagnosis.thresholds import DISCREPANCY_LINES, MARGIN
+from receptance.diagnosis.thresholds import MARGIN
 from receptance.fit import Tolerance, Unknown
 from receptance.fit.observation import altered
 
@@ -136,15 +112,6 @@ def test_errors_within_a_mode_are_no_errors_of_natural_frequencies():
     assert found.frequency < 0.004
 
 
-def test_the_size_of_a_discrepancy_is_bounded_in_its_deviance():
-    found, values = Discrepancy(0.01, 0.1), 50.0
-    # The largest standard deviation is 30 %: three times this one. The smallest factor is one half.
-    for ratio, square in ((4.0, 4.0), (100.0, 9.0), (0.01, 0.25)):
-        expected = values * (np.log(square) + ratio / square)
-        assert found.deviance(ratio * values, values) == pytest.approx(expected)
-    assert Discrepancy(0.01, 0.4).deviance(4.0 * values, values) == pytest.approx(4.0 * values)
-
-
 def test_intervals_of_the_joint_include_the_discrepancy():
     """Without it the joint misses the truth by many standard errors, with it by a few."""
     model = resonant(Model(observed(0.005, 0.05), JOINT, TOLERANCES, threads=1))
@@ -176,37 +143,6 @@ def test_lines_of_a_mode_count_once():
         assert same.independent_values == pytest.approx(one.independent_values, rel=1e-3)
         np.testing.assert_allclose(same.standard_deviation, one.standard_deviation, rtol=1e-3)
         assert np.all(few.standard_deviation > one.standard_deviation)
-
-
-def test_records_of_a_configuration_share_the_error_of_frequency():
-    one = observed(0.005, 0.05)[0]
-    records = [altered(one, label=name, configuration="the same") for name in ("first", "second")]
-    large = Discrepancy(0.01, 0.05).allow(Model(tuple(records), JOINT, TOLERANCES, threads=1))
-    for few in large.observations:
-        assert few.independent_values == pytest.approx(2.5, rel=0.01)
-
-
-def test_the_deviance_includes_the_errors_of_tolerances():
-    """The stated modulus is 6 % too high, at a tolerance of 3 %: two standard deviations, none if it were unknown."""
-    stiff = replace(CARBIDE, youngs_modulus=1.06 * CARBIDE.youngs_modulus)
-    stated = tuple(
-        altered(one, assembly=assembled(overhang, carbide=stiff))
-        for one, overhang in zip(observed(0.001, 0.01), OVERHANGS, strict=True)
-    )
-    modulus, size = "tool.segment[0].youngs_modulus", stiff.youngs_modulus
-    tolerance = Tolerance(name="modulus", moves={modulus: 0.03}, relative=True)
-    unknown = Unknown(address=modulus, lower=0.8 * size, upper=1.2 * size, start=size)
-    known, free = (
-        fit_discrepancy(model, fit_base(model).values)
-        for model in (
-            resonant(Model(stated, JOINT, (tolerance,), threads=1)),
-            resonant(Model(stated, (*JOINT, unknown), (), threads=1)),
-        )
-    )
-    error = float(known.fit.residual[-1])
-    print(error, known.deviance, free.deviance)
-    assert -2.5 < error < -1.5
-    assert known.deviance - free.deviance == pytest.approx(error**2, abs=0.8)
 
 
 @functools.cache
@@ -249,91 +185,6 @@ def test_a_cause_takes_at_least_half_of_the_misfit():
     assert answer(strained, *selection.explanations[1:]) == "partly explained"
 
 
-@pytest.mark.slow
-def test_evidence_beside_a_discrepancy_is_that_of_discrepancies_of_their_own():
-    verdict = with_sensor(1)
-    selection = verdict.selection
-    base, best = selection.beside, selection.explanations[0]
-    own = fit_discrepancy(extend(base.model, best.steps), best.fit.values)
-    print(base.discrepancy, own.discrepancy, base.errors)
-    assert best.gain == pytest.approx(base.deviance - own.deviance, abs=0.5)
-    assert best.evidence == pytest.approx(best.gain - np.log(base.errors))
-    # Lines that are limited by noise are independent values, and no errors of modes.
-    assert abs(np.log(selection.base.independent_values / base.errors)) > 0.1
-    assert selection.share(best) == pytest.approx(1.0 - np.exp(-best.gain / base.errors))
-    assert selection.share(best.with_gain(-5.0)) == 0.0
-    (row,) = [row for row in alternatives(verdict).rows if row[0] == best.title]
-    assert row[1] == f"{100.0 * selection.share(best):.0f} %"
-    free = sum(unknown.prior is None for unknown in base.fit.model.unknowns)
-    counted = detection_threshold(
-        selection.directions,
-        np.log(base.errors),
-        deviance=lambda chi_square: selection.discrepancy.deviance(chi_square, base.errors),
-        freedom=base.errors - free,
-        seed=base.model.seed,
-    )
-    assert selection.threshold == pytest.approx(counted)
-    # No start leads to a more likely base.
-    for values in (selection.base.values, best.fit.values, fit_base(base.model).values):
-        assert fit_discrepancy(base.model, values).deviance > base.deviance - 0.5
-    for one in selection.alternatives:
-        other = fit_discrepancy(extend(base.model, one.steps), one.fit.values)
-        assert one.gain == pytest.approx(base.deviance - other.deviance, abs=0.5)
-
-
-def test_errors_below_the_noise_are_not_evidence():
-    """Eight natural frequencies with errors of one half, of one and of one and a half times the noise."""
-    bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
-    true = bar.natural_frequencies(1e5)[:8]
-    signs = np.array([1, -1, -1, 1, 1, -1, 1, -1])
-    found = []
-    for times in (0.5, 1.0, 1.5):
-        one = Observation.from_modes(
-            assembly=bar, frequency_hz=true * (1.0 + 1e-3 * times * signs), standard_deviation_hz=1e-3 * true
-        )
-        model = Model((one,), (Unknown(address="bar.segment[0].youngs_modulus", lower=1e11, upper=4e11, start=2.1e11),))
-        fit = evaluate(model, {"bar.segment[0].youngs_modulus": STEEL.youngs_modulus})
-        found.append(_most_likely(model, fit, 1e-4))
-    deviances = [deviance for _, deviance, _ in found]
-    print(deviances)
-    assert [errors for *_, errors in found] == [8, 8, 8]
-    # By the exact likelihood N ln(1.5^2) between the last ones; the estimate of a small variance converges slowly.
-    assert 0.7 < (deviances[2] - deviances[1]) / (8.0 * np.log(2.25)) < 1.1
-    assert 0.0 <= deviances[1] - deviances[0] < 1.5
-
-
-@pytest.mark.slow
-def test_a_size_is_plausible_beside_a_discrepancy_if_a_part_of_its_interval_is():
-    best = with_sensor(1).explanation
-    ((name, parameter),) = best.parameters.items()
-    low, _ = best.fit.identification.interval(name)
-    size = best.fit.values[name]
-    for end, outside in ((0.5 * (low + size), False), (0.9 * low, True)):
-        declared = replace(parameter, plausible=(0.0, end))
-        changed = replace(best)
-        changed.__dict__["parameters"] = {name: declared}
-        assert not declared.is_plausible(size)
-        assert changed.implausible == ((name,) if outside else ())
-        exact = replace(best, has_discrepancy=False)
-        exact.__dict__["parameters"] = {name: declared}
-        assert exact.implausible == (name,)
-        candidate = engine._candidate(with_sensor(1).selection, changed, changed.steps[0])
-        assert candidate.plausible == (not outside)
-        assert bool(candidate.vetoed) == outside
-    assert declared.is_plausible(0.5 * end, 2.0 * size)
-    assert not declared.is_plausible(2.0 * end, 3.0 * end)
-
-
-def test_natural_frequencies_have_the_relative_error():
-    bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
-    measured = bar.natural_frequencies(2e4)
-    one = Observation.from_modes(assembly=bar, frequency_hz=measured, standard_deviation_hz=3.0, label="bar")
-    model = Model((one,), (Unknown(address="bar.segment[0].youngs_modulus", lower=1e11, upper=4e11, start=2e11),))
-    changed = Discrepancy(0.004, None).allow(model).observations[0]
-    np.testing.assert_allclose(changed.standard_deviation, np.hypot(3.0, 0.004 * measured))
-    assert str(Discrepancy(0.004, None)) == "0.4 % in natural frequencies"
-
-
 def test_wrong_damping_ratios_are_a_discrepancy_of_their_own():
     print("seed", SEED)
     rng = np.random.default_rng(SEED)
@@ -363,21 +214,6 @@ def test_wrong_damping_ratios_are_a_discrepancy_of_their_own():
         np.testing.assert_allclose(wide.standard_deviation_damping, expected)
 
 
-def test_antiresonances_are_left_out():
-    model = Model(observed(0.0, 0.0, noise=1e-9), JOINT, TOLERANCES, threads=1)
-    for one, few in zip(model.observations, resonant(model).observations, strict=True):
-        mobility = np.abs(one.receptance) * one.frequency_hz
-        inner, before, after = mobility[1:-1], mobility[:-2], mobility[2:]
-        dips = one.frequency_hz[1:-1][(inner < before) & (inner < after)]
-        peaks = one.frequency_hz[1:-1][(inner > before) & (inner > after) & (inner > 3.0 * np.median(mobility))]
-        assert dips.size
-        assert peaks.size
-        assert few.frequency_hz.size <= DISCREPANCY_LINES
-        assert not set(dips) & set(few.frequency_hz)
-        for peak in peaks:
-            assert np.min(np.abs(few.frequency_hz - peak)) < 20.0
-
-
 def test_wrong_shares_of_modes_have_the_stated_growth_beside_peaks():
     """Three modes without the program; each has an error of 1 %, which is larger where they nearly cancel."""
     print("seed", SEED)
@@ -400,9 +236,8 @@ def test_wrong_shares_of_modes_have_the_stated_growth_beside_peaks():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_cause_that_takes_most_of_the_misfit_explains_the_data_partly(seed):
-    hidden = with_sensor(seed)
+def test_a_cause_that_takes_most_of_the_misfit_explains_the_data_partly():
+    hidden = with_sensor(1)
     print(hidden)
     assert hidden.verdict == "partly explained"
     assert [one.id for one in hidden.causes] == ["sensor_mass"]
@@ -448,43 +283,3 @@ def test_an_interruption_keeps_the_answer_without_a_discrepancy(monkeypatch):
     assert (found.verdict, found.final) == ("unexplained", False)
     assert found.discrepancy is not None
     assert "not final" in found.notes[0]
-
-
-def test_a_missing_mode_and_another_section_are_too_unspecific():
-    """A free place and a free size of a local change imitate many others, as alternatives do."""
-    assert {one.id for one in CATALOGUE.values() if one.unspecific} == {"missing_mode", "fluted_part"}
-
-
-def test_expected_squares_are_those_of_the_whole_covariance() -> None:
-    rng = np.random.default_rng(SEED)
-    sizes = np.array([7, 1, 4, 9, 3, 1, 1, 5])
-    errors = _Errors(
-        values=0.1 * rng.normal(size=sizes.sum()),
-        noise=rng.uniform(1e-4, 1e-2, sizes.sum()),
-        slopes=np.where(np.repeat(np.arange(8), sizes) < 5, rng.normal(size=sizes.sum()), 0.0),
-        factors=rng.uniform(0.1, 1.0, sizes.sum()),
-        sizes=sizes,
-        kinds=np.array([LEVEL] * 5 + [FREQUENCY, DAMPING, LEVEL]),
-        # The last groups have no error of frequency; the first ones share two.
-        modes=np.array([0, 1, 1, 0, 1, 2, 2, 2]),
-        count=2,
-        has_remainder=np.array([True] * 5 + [False, False, True]),
-    )
-    variances = np.array([3e-3, 2e-2, 5e-3, 1e-2])
-    group, line = np.repeat(np.arange(8), sizes), np.arange(sizes.sum())
-    # Columns: effects of the groups, errors of frequency, and a remainder of each error.
-    effects = np.zeros((line.size, 10 + line.size))
-    effects[line, group] = errors.factors
-    effects[line, np.minimum(8 + errors.modes[group], 9)] += errors.slopes
-    effects[line, 10 + line] = 1.0
-    remainder = np.where(errors.has_remainder[group], variances[3], 0.0)
-    prior = np.concatenate([variances[errors.kinds], [variances[0]] * 2, remainder])
-    gain = prior[:, None] * effects.T @ np.linalg.inv((effects * prior) @ effects.T + np.diag(errors.noise))
-    expected = np.square(gain @ errors.values) + prior - np.diag(gain @ effects) * prior
-    kinds = np.concatenate([errors.kinds, [FREQUENCY] * 2, np.full(line.size, 3)])
-    expectation = _Expectation(errors)
-    assert expectation.squares(variances) == pytest.approx(np.bincount(kinds, expected), rel=1e-9)
-    # Each effect alone has the precision of its column.
-    precision = np.square(effects[:, :10]).T @ (1.0 / errors.noise)
-    of_kinds = [precision[kinds[:10] == kind] for kind in (FREQUENCY, LEVEL, DAMPING)]
-    assert expectation.noise == pytest.approx([1.0 / np.mean(own) for own in of_kinds])

@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,8 +16,6 @@ from blank_in_holder import make_assembly as in_holder
 from blank_in_holder import observe
 from receptance import STEEL, Assembly, Observation, PointMass
 from receptance.diagnosis import CATALOGUE, HeldOut, Model, diagnose
-from receptance.diagnosis.causes import Parameter
-from receptance.diagnosis.explanation import Selection
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.held_out import (
     FREQUENCIES,
@@ -31,8 +28,6 @@ from receptance.diagnosis.held_out import (
     metrics_of,
     predicted_data,
 )
-from receptance.diagnosis.selection import select
-from receptance.diagnosis.wording import sizes
 from receptance.fit import Move, Tolerance
 from receptance.fit.observation import altered
 
@@ -189,19 +184,6 @@ def test_intervals() -> None:
     assert gain_of("else", folds((1.0, 0.5))) is None
 
 
-def test_modes_without_a_counterpart_do_not_count() -> None:
-    """The model before has one of two modes, so that its error is that of one mode."""
-    before, after = np.array([[1.0, 1.0], [0.0, 0.0]]), np.array([[0.25, 1.0], [9.0, 1.0]])
-    for pair, expected in (((before, after), (1.0, 0.5)), ((after, before), (0.5, 1.0))):
-        own = [_Fold(f"{i}", "named", (), *({FREQUENCIES: one} for one in pair)) for i in range(3)]
-        gain = gain_of(FREQUENCIES, own)
-        assert gain is not None
-        assert (gain.held_out_before, gain.held_out_after) == expected
-        assert gain.units == 3
-        assert [(one["before"], one["after"]) for one in gain.folds] == [expected] * 3
-        assert np.mean(gain.interval) == pytest.approx(expected[0] - expected[1])
-
-
 def test_intervals_of_units_in_folds() -> None:
     """Means of a user-defined metric: with and without a correlation of the units of one fold."""
 
@@ -315,24 +297,3 @@ def test_bad_metrics() -> None:
         diagnose([make_observations(0.06)], JOINT, metrics={"depth": 3.0})  # type: ignore[dict-item]
     with pytest.raises(ValueError, match="exists already"):
         diagnose([make_observations(0.06)], JOINT, metrics={SCORE: lambda one: 0.0})
-
-
-@pytest.mark.parametrize(
-    ("value", "low", "high", "shown"),
-    [
-        (1.5e-3, 1.495e-3, 1.505e-3, "mass 1.5000 g (95 %: 1.4950 to 1.5050 g)"),
-        (0.404, 0.397, 0.411, "mass 404.0 g (95 %: 397.0 to 411.0 g)"),
-        (1e-3, -math.inf, math.inf, "mass 0.0010 kg (95 %: 0.00010 to 1.0 kg)"),
-    ],
-)
-def test_digits_follow_the_interval_width(value: float, low: float, high: float, shown: str) -> None:
-    """Two to three digits of the width; an open interval ends at the bounds."""
-    declared = Parameter(name="mass", unit="kg", lower=1e-4, upper=1.0, typical=0.1, null=1e-4, cause="made_up")
-    one = SimpleNamespace(parameters={"made_up.mass": (value, low, high)}, declared={"made_up.mass": declared})
-    assert sizes(one.parameters, one.declared) == shown  # type: ignore[arg-type]
-
-
-@pytest.fixture(scope="module")
-def selection() -> Selection:
-    model = Model(tuple(make_observations(x, 1.08, seed=int(100 * x)) for x in (0.06, 0.08, 0.1)), tuple(JOINT))
-    return select(model, [CATALOGUE[name] for name in ("tool_density", "calibration_gain")], most=1)

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from blank_in_holder import JOINT as TRUE
 from blank_in_holder import STARTED as JOINT
 from blank_in_holder import make_assembly, observe
-from receptance import STEEL, Observation, PointJoint, Unknown
+from receptance import STEEL, Observation, PointJoint
 from receptance.diagnosis import CATALOGUE, Model, diagnose
-from receptance.diagnosis.adequacy import misfit_limit, strain_of
 from receptance.diagnosis.averaging import average
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import fit_base, refit
 from receptance.diagnosis.held_out import SPECTRAL, metrics_of
 from receptance.diagnosis.judgement import conclude
-from receptance.diagnosis.thresholds import CHANCE, MARGIN, MISFIT_LIMIT
-from receptance.fit import Law, PredictedFrequencies, PredictedMode, Prior, Scatter
+from receptance.diagnosis.thresholds import MARGIN
+from receptance.fit import Law, PredictedFrequencies, PredictedMode, Scatter
 
 SEED = 31
 LINES = np.linspace(200.0, 6000.0, 300)
@@ -64,37 +61,6 @@ def test_small_common_offset_is_not_noise() -> None:
     assert "in sums over neighbouring lines" in waving.shortcoming
     # An explanation is adequate by the same rules.
     assert [Explanation((), fit, 0.0, 0.0).passed for fit in fits] == [True, False]
-
-
-def test_the_limit_of_the_misfit_is_a_quantile_of_few_values() -> None:
-    few, many = (misfit_limit(n) for n in (5.0, 1e4))
-    assert few == pytest.approx(stats.chi2.isf(CHANCE, 5.0) / 5.0)
-    assert few > 4.0
-    assert many == MISFIT_LIMIT == 1.25
-
-
-@pytest.mark.parametrize("count", [1, 10, 40])
-def test_one_large_tolerance_error_is_strain(count: int) -> None:
-    """Errors that the data decide end like standard normal numbers, the farthest of n below the 1 - .001/n quantile."""
-    farthest = stats.norm.isf(0.5e-3 / count)
-    for size, passes in ((farthest - 0.05, True), (farthest + 0.05, False)):
-        off = np.zeros(count)
-        off[-1] = size
-        errors = [
-            Unknown(address=f"e{i}", lower=-9.0, upper=9.0, start=0.0, prior=Prior(mean=0.0, standard_deviation=1.0))
-            for i in range(count)
-        ]
-        fit: Any = SimpleNamespace(
-            task=SimpleNamespace(
-                parameters=SimpleNamespace(unknowns=errors), variables=SimpleNamespace(unknowns=errors)
-            ),
-            residual=np.append(np.zeros(count), off),
-            curvature_root=np.vstack([1e4 * np.eye(count), np.eye(count)]),
-        )
-        found = strain_of(fit.task, fit.residual, fit.curvature_root)
-        assert found.worst[0] == (f"e{count - 1}", pytest.approx(size, rel=1e-6))
-        assert found.limit == pytest.approx(farthest)
-        assert found.passed == passes
 
 
 def test_explanations_within_the_margin_are_reported_and_others_are_not() -> None:

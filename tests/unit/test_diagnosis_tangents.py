@@ -3,21 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from blank_in_holder import make_assembly
 from receptance import Observation, Unknown
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, Variant
 from receptance.diagnosis.fitting import Fit, refit
-from receptance.diagnosis.screening import (
-    Direction,
-    coordinates_of,
-    directions,
-    in_common_basis,
-    list_variants,
-    look_alike,
-    scores_beside,
-)
 from receptance.diagnosis.tangents import slopes_of
 from receptance.fit import Tolerance
 
@@ -100,72 +90,3 @@ def test_derivatives_beside_a_cause_that_is_fitted_already() -> None:
             expected = own_slopes(fit, own)
             assert slopes is not None
             assert np.allclose(slopes, expected, rtol=1e-6, atol=1e-7 * np.max(np.abs(expected))), id
-
-
-@pytest.mark.parametrize(
-    ("more", "message"),
-    [
-        (Unknown(address="joint.k_y", lower=1e6, upper=1e9, name="twice"), "both determine"),
-        (Unknown(address="joint.k_z", lower=1e6, upper=1e9), "no observation's assembly has it"),
-        (Unknown(address="joint.c_theta", lower=0.1, upper=1.0, name="joint.k_y"), "given to two unknowns"),
-    ],
-)
-def test_a_wrong_further_unknown_is_an_error(more: Unknown, message: str) -> None:
-    model = make_model()
-    with pytest.raises(ValueError, match=message):
-        _ = model.plus(more).task
-
-
-def test_a_common_basis_keeps_look_alikes_and_scalar_products() -> None:
-    fit = refit(make_model(), {})
-    causes = [CATALOGUE[id] for id in ("sensor_mass", "hammer_offset", "calibration_gain", "time_delay")]
-    found = directions(fit, [(cause, one) for cause in causes for one in cause.variants(fit.model)])
-    small = in_common_basis(found)
-    assert max(len(one.slopes) for one in small) < len(fit.residual) / 10
-    for first, same in zip(found, small, strict=True):
-        assert (same.cause, same.score, same.estimate) == (first.cause, first.score, first.estimate)
-        for second, other in zip(found, small, strict=True):
-            np.testing.assert_allclose(
-                same.slopes.T @ other.slopes, first.slopes.T @ second.slopes, rtol=1e-9, atol=1e-6
-            )
-            assert look_alike(same, other) == pytest.approx(look_alike(first, second), abs=1e-8)
-    assert in_common_basis([]) == []
-
-
-def test_scores_beside_a_variant_are_those_of_both_less_that_of_the_first() -> None:
-    fit = refit(make_model(), {})
-    causes = list(CATALOGUE.values())
-    found = [one for one in directions(fit, list_variants(fit, causes)[0]) if one.slopes.shape[1]]
-    # Units differ by many orders of magnitude.
-    norms = np.concatenate([np.linalg.norm(one.slopes, axis=0) for one in found])
-    assert norms.max() > 1e8 * norms.min()
-    small = in_common_basis(found)
-    rest = coordinates_of(fit.residual, found, small)
-
-    def decrease(*some: Direction) -> float:
-        slopes = np.hstack([one.slopes / np.linalg.norm(one.slopes, axis=0) for one in some])
-        vectors, sizes, _ = np.linalg.svd(slopes, full_matrices=False)
-        return float(np.sum((vectors[:, sizes > 1e-5 * sizes[0]].T @ fit.residual) ** 2))
-
-    first = next(i for i, one in enumerate(found) if one.cause.id == "calibration_gain")
-    own = [decrease(found[first], one) - decrease(found[first]) for one in found]
-    assert max(own) > 1.0
-    np.testing.assert_allclose(scores_beside(small[first], small, rest), own, atol=1e-2)
-
-
-def test_the_curvature_has_the_derivatives_or_the_normal_matrix() -> None:
-    fit = refit(make_model(), {})
-    jacobian = fit.problem.jacobian(fit.x)
-    root = fit.curvature_root
-    assert root.shape == (fit.x.size, fit.x.size)
-    np.testing.assert_allclose(root.T @ root, jacobian.T @ jacobian, rtol=1e-9, atol=1e-6)
-    # Two errors of which the data determine the sum alone: the normal matrix has lost the difference.
-    modulus = {"tool.segment[*].youngs_modulus": 20.0}
-    twice = Model(
-        fit.model.observations,
-        fit.model.unknowns,
-        tuple(Tolerance(name=name, moves=modulus, relative=True) for name in ("modulus", "again")),
-        threads=1,
-    )
-    start = twice.task.variables.start
-    assert np.array_equal(twice.problem.curvature_root(start), twice.problem.jacobian(start))

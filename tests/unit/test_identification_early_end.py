@@ -10,9 +10,6 @@ import pytest
 import scipy_fits
 from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, diagnose
-from receptance.diagnosis.fitting import fit_base, refit
-from receptance.diagnosis.screening import directions
-from receptance.diagnosis.starts import starts_of
 from receptance.diagnosis.truncation import truncation_time
 from receptance.fit import Tolerance
 from receptance.fit.observation import altered
@@ -146,24 +143,6 @@ def test_early_end_is_kept_where_lines_are_left_out(records: list[Observation]) 
     assert truncation_time(few.receptances) is None
     assert few.truncation == model.truncation == truncation_time(records)
     assert [one.name for one in CATALOGUE["coarse_resolution"].variants(few)] == ["records end too early"]
-
-
-@pytest.mark.slow
-def test_early_end_that_is_detected_late_is_found(records: list[Observation]) -> None:
-    """Between the detected end, 2 ms late, and the true one are a dozen local minima."""
-    model = replace(Model(tuple(records), tuple(JOINT), threads=1), truncation=END_AT + 2e-3)
-    cause = CATALOGUE["coarse_resolution"]
-    (variant,) = cause.variants(model)
-    base = fit_base(model)
-    (direction,) = directions(base, [(cause, variant)])
-    near, *_ = starts_of(direction, base)
-    ends = [start["coarse_resolution.end"] for start in near]
-    print([f"{1e3 * (end - END_AT):+.3f} ms" for end in ends])
-    assert min(abs(end - END_AT) for end in ends) < 1.5e-4
-    found = refit(variant.model, near[0])
-    assert found.values["coarse_resolution.end"] == pytest.approx(END_AT, abs=2e-4)
-    late = refit(variant.model, {**base.values, "coarse_resolution.end": END_AT + 2e-3})
-    assert late.chi_square > 2.0 * found.chi_square
 
 
 def test_stepped_sines_have_no_early_end(records: list[Observation]) -> None:

@@ -11,7 +11,6 @@ import pytest
 from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
 from receptance.fit import Law, Power, Prior, Tolerance, identify
 from receptance.fit.parameters import Parameters, Site
-from receptance.fit.unknowns import covered
 
 LINES = np.linspace(200.0, 6000.0, 150)
 
@@ -39,31 +38,6 @@ def measure(
         configuration=name,
         conditions=conditions,
     )
-
-
-@pytest.mark.parametrize(
-    ("unknown", "tolerance", "different"),
-    [
-        ({}, {}, 2),
-        ({"powers": Power(of="torque", reference=20.0)}, {}, 4),
-        ({"powers": Power(of="tool.segment[0].length", reference=0.06)}, {}, 2),
-        ({"free": True, "along": "torque"}, {}, 4),
-        ({}, {"labels": "first"}, 4),
-        ({}, {"configurations": "second"}, 4),
-        ({}, {"configurations": "a"}, 2),
-    ],
-)
-def test_records_of_a_configuration_share_a_map_unless_an_unknown_tells_them_apart(unknown, tolerance, different):
-    request = Law(address="joint.k_y", lower=1e6, upper=1e10, **unknown)
-    error = Tolerance(name="length", moves={"tool.segment[0].length": 1e-4}, **tolerance)
-    assemblies = {"a": make_assembly(), "b": make_assembly(0.08)}
-    places = [
-        Site(assemblies[name], name, label, {"torque": torque})
-        for name in "ab"
-        for label, torque in (("first", 20.0), ("second", 40.0))
-    ]
-    maps = Parameters([request], [error], places).of(places)
-    assert len(set(maps)) == different
 
 
 def test_the_map_and_its_derivatives():
@@ -335,15 +309,3 @@ def test_a_free_law_has_a_value_between_those_of_neighbours_along_a_condition():
         parameters.at(Site(make_assembly(), "unknown"))
     with pytest.raises(ValueError, match="of a free law only"):
         Law(address="joint.k_y", lower=1e6, upper=1e10, along="force")
-
-
-def test_addresses_match_the_segments_of_their_own_assembly():
-    """Elements of the same names, one segment and two; one segment of several, then all."""
-    one = make_assembly()
-    (segment,) = one.elements["tool"].segments
-    two = Assembly([Part([segment] * 2, name="tool"), one.elements["joint"], one.elements["holder"]])
-    for assembly, count in ((one, 1), (two, 2), (one.replace({"joint.k_y": 1e9}), 1)):
-        names = [f"tool.segment[{i}].length" for i in range(count)]
-        assert covered(names[0], assembly) == {names[0]}
-        assert covered("tool.segment[*].length", assembly) == set(names)
-        assert covered("tool.segment[1].length", assembly) == set(names[1:])

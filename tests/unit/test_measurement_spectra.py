@@ -5,12 +5,7 @@ import pytest
 
 import hammer
 from receptance.hammer import HammerRecords, find_hits
-from receptance.hammer.spectra import (
-    correlated_lines,
-    estimate_truncation,
-    force_noise_power,
-    make_windows,
-)
+from receptance.hammer.spectra import correlated_lines, estimate_truncation, force_noise_power, make_windows
 
 RATE = 25600.0
 STRUCTURE = hammer.Structure((0.0, 900.0, 2500.0), (0.0, 0.008, 0.01), (2.0, 3.0, -1.0), RATE)

@@ -29,11 +29,10 @@ def without_warnings(*arguments, **options):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stated", [False, True])
-@pytest.mark.parametrize("separation", [0.5, 0.25])
+@pytest.mark.parametrize(("separation", "stated"), [(0.5, True), (0.25, False)])
 def test_close_modes_and_their_intervals(separation, stated):
     """Modes as near as a quarter of their half-power band are resolved, and intervals contain the true values."""
-    runs = 40
+    runs = 20
     print(f"seed {SEED}")
     true = np.array([200.0, 200.0 + 4.0 * separation])
     covered, scatter, stated_errors = [], [], []
@@ -162,7 +161,7 @@ def test_a_mode_just_outside_the_band():
 @pytest.mark.slow
 def test_intervals_of_a_broad_mode_near_an_outside_mode():
     """A damping ratio of 7 % and a mode half a half-power band above the last line, as on the virtual BT50 rig."""
-    runs = 40
+    runs = 20
     print(f"seed {SEED}")
     f = np.arange(500.0, 6200.0, 20.0)
     true, zeta = np.array([1293.0, 4687.0]), np.array([0.0177, 0.0741])
@@ -196,14 +195,13 @@ def test_intervals_of_a_broad_mode_near_an_outside_mode():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["force", "response", "separate"])
-@pytest.mark.parametrize("correlated", [1.0, 6.0])
+@pytest.mark.parametrize(("kind", "correlated"), [("force", 6.0), ("response", 1.0), ("separate", 6.0)])
 def test_noise_common_to_several_responses(correlated, kind):
     """Noise of the force is the same in all responses relative to the FRF, also between lines; noise of a response not.
 
     "separate" is in proportion to the FRF but independent between the entries: the errors must not grow for it.
     """
-    runs = 30
+    runs = 20
     print(f"seed {SEED}")
     f = np.arange(500.0, 2500.0, 20.0)
     true, zeta, constants = np.array([1300.0]), np.array([0.015]), np.array([[1.0, 0.8, -0.6]])
@@ -385,7 +383,7 @@ def test_the_search_ends_where_poles_follow_smooth_errors():
 @pytest.mark.slow
 def test_intervals_with_errors_smooth_over_lines():
     """Intervals of one mode and of two contain the true frequency, with five independent values in a band."""
-    runs = 12
+    runs = 6
     print(f"seed {SEED}")
     inside, total = 0, 0
     for modes in (1, 2):
@@ -403,15 +401,14 @@ def test_intervals_with_errors_smooth_over_lines():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stated", [False, True])
-@pytest.mark.parametrize("width", [0.3, 1.0, 3.0])
+@pytest.mark.parametrize(("width", "stated"), [(0.3, False), (1.0, True), (3.0, False)])
 def test_noise_under_an_exponential_window(width, stated):
     """Noise exp(-sigma t) correlates lines; intervals cover, be that over less or more than a half-power band.
 
     Where the variance is not stated and 75 lines share their noise, the residual's own variance counts as known from as
     few as five independent numbers. That is careful: 99 % of those intervals hold the truth.
     """
-    runs = 30
+    runs = 20
     careful = width == 3.0 and not stated
     print(f"seed {SEED}")
     f = np.arange(150.0, 250.0, 0.5)

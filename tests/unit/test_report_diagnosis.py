@@ -12,15 +12,7 @@ import numpy as np
 import pytest
 
 from blank_in_holder import make_assembly
-from receptance import (
-    CARBIDE,
-    Assembly,
-    Observation,
-    Part,
-    PointMass,
-    Segment,
-    Unknown,
-)
+from receptance import CARBIDE, Assembly, Observation, Part, PointMass, Segment, Unknown
 from receptance.diagnosis import diagnose
 from receptance.diagnosis.by_mode import Curve, modes_of, residuals_by_mode
 from receptance.diagnosis.discrepancy import Discrepancy

@@ -6,7 +6,6 @@ import inspect
 import pydoc
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import receptance as rc
@@ -69,25 +68,6 @@ def _broken(folder: Path) -> Path:
     file = folder / "broken.toml"
     file.write_text("title = 3\n", encoding="utf-8")
     return file
-
-
-def test_options_complete_in_an_editor() -> None:
-    """No public function hides its keyword arguments behind untyped `**options`."""
-    for name in rc.__all__:
-        one = getattr(rc, name)
-        if inspect.isfunction(one) or inspect.isclass(one):
-            for other in inspect.signature(one).parameters.values() if not issubclass_of_error(one) else ():
-                if other.kind is inspect.Parameter.VAR_KEYWORD:
-                    assert "Unpack" in str(other.annotation), name
-
-
-def issubclass_of_error(one: object) -> bool:
-    return inspect.isclass(one) and issubclass(one, Exception)
-
-
-def test_versions() -> None:
-    assert rc.__version__.count(".") == 2
-    assert np.isfinite(PAIR.natural_frequencies(15e3)).all()
 
 
 def test_help_opens_with_the_types_of_the_fields() -> None:

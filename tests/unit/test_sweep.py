@@ -22,12 +22,9 @@ from receptance.sweep import (
     Reduction,
     Sampled,
     StableDepth,
-    SweepError,
     as_grid,
     sweep,
 )
-from receptance.sweep.definition import Definition
-from receptance.sweep.store import Memory
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "11"))
 LINES = np.linspace(200.0, 4000.0, 60)
@@ -226,34 +223,8 @@ def test_mistakes_give_messages(make: Any, words: str) -> None:
         make()
 
 
-def test_results_too_large_for_memory_are_refused_before_any_work() -> None:
-    many = Sampled({"joint.k_y": stats.loguniform(1e7, 1e9)}, count=10**7, seed=0)
-    with pytest.raises(SweepError, match="give store="):
-        Memory(Definition.of(pair(), many, FrequencyResponse(frequency_hz=LINES)), None)
-
-
 def test_progress_is_reported_after_each_block() -> None:
     reported: list[Any] = []
     sweep(pair(), GRID, NaturalFrequencies(upper_hz=2e3), block=5, progress=reported.append)
     assert [one.done for one in reported] == [5, 10, 12]
     assert reported[-1].remaining_seconds == 0.0
-
-
-def test_block_duration_is_limited() -> None:
-    speeds = np.linspace(5000.0, 20000.0, 200)
-    measured = Observation(assembly=pair(), frequency_hz=LINES, receptance=pair().receptance(LINES))
-    cut = Milling(teeth=2, k_t=6e8, k_n=2e8)
-    blocks = []
-    for output in (
-        Misfit(measured),
-        NaturalFrequencies(upper_hz=9000.0),
-        StableDepth(cut=cut, frequency_hz=LINES),
-        StableDepth(cut=cut, frequency_hz=LINES, speeds_rpm=speeds),
-    ):
-        for models in (pair(), {"one": pair(), "other": pair(0.12)}):
-            block = Definition.of(models, Grid({"joint.k_y": [1e7, 1e8]}), output).block_size()
-            count = len(models) if isinstance(models, dict) and output.per_assembly else 1
-            assert block * output.candidate_s * count <= 0.5
-            blocks.append(block)
-    # Joints are evaluated in large blocks.
-    assert blocks[0] > 10_000

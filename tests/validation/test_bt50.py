@@ -21,7 +21,7 @@ from receptance.examples.virtual_rig import ESTIMATE, HITS, SAMPLE_RATE_HZ, SPAC
 from receptance.hammer import estimate_frf, find_hits, simulate_hits
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "20261122"))
-CASES = 40
+CASES = 20
 
 
 @pytest.fixture(scope="module")

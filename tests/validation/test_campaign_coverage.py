@@ -10,7 +10,7 @@ import pytest
 from validation.campaign_coverage import LEVEL, measure
 
 SEED = int(os.environ.get("RECEPTANCE_TEST_SEED", "2"))
-DRAWS = 80
+DRAWS = 40
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ SEED = 20261121
 @pytest.mark.slow
 def test_natural_frequencies_and_their_intervals(summarise: Callable[..., None]) -> None:
     print(f"seed {SEED}")
-    outcomes = [measure(SEED, case) for case in range(25)]
+    outcomes = [measure(SEED, case) for case in range(12)]
     found, text = report(outcomes)
     summarise("tools of a catalogue in virtual machines", text, found)
     assert sum(max(map(abs, one.errors)) <= WITHIN for one in outcomes) >= LEVEL * len(outcomes)

@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
-import clamping
 import study_scripts
+from clamping_errors import WORTH_PERCENT
+from clamping_insertion import CONSTANT, ONE, SERIES
 
 DIAMETERS = (7.94, 9.53, 11.11, 12.7, 16.0)
 
@@ -35,14 +36,14 @@ def test_insertion_finds_the_springs_in_series_and_has_a_control(study: dict[str
     assert control["ratio"] < 0.01
     best = control["hypotheses"][0]["log_evidence"]
     behind = {one["name"]: best - one["log_evidence"] for one in control["hypotheses"]}
-    assert behind[clamping.ONE] < 3.0, "where only one spring is simulated, one spring must do"
-    assert behind[clamping.CONSTANT] > 10.0
+    assert behind[ONE] < 3.0, "where only one spring is simulated, one spring must do"
+    assert behind[CONSTANT] > 10.0
     for case in cases:
         first, second = case["hypotheses"][:2]
-        assert case["found"] == first["name"] == clamping.SERIES
+        assert case["found"] == first["name"] == SERIES
         assert first["adequate"]
         assert first["log_evidence"] - second["log_evidence"] > 10.0
-        single = [one for one in case["hypotheses"] if one["name"] in (clamping.ONE, clamping.CONSTANT)]
+        single = [one for one in case["hypotheses"] if one["name"] in (ONE, CONSTANT)]
         assert not any(one["adequate"] for one in single)
         for share, deviation in case["compliance_of_outer"].values():
             assert abs(share - case["ratio"] / (1.0 + case["ratio"])) < 4.0 * deviation + 1e-3
@@ -66,5 +67,5 @@ def test_damping_is_significant_only_free_free(study: dict[str, Any]) -> None:
         errors = [case["real_percent"] for case in study["damping"]["cases"] if case["test"] == test]
         machine = test.startswith("in the machine")
         assert errors == sorted(errors)
-        assert (errors[0] < clamping.WORTH_PERCENT) is machine
+        assert (errors[0] < WORTH_PERCENT) is machine
         assert (study_scripts.number(allowed) > 1.0) is machine

@@ -1,4 +1,4 @@
-"""The stated variance of FRFs from simulated hits covers the truth; see `hammer_coverage.py` for the runs."""
+"""The stated variance of FRFs from simulated hits covers the truth, in one of the cases of `hammer_coverage.py`."""
 
 import os
 
@@ -11,9 +11,9 @@ RUNS = 150
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", coverage.CASES[::2], ids=lambda case: case.name)
-def test_intervals_cover_the_truth(case, summarise):
+def test_intervals_cover_the_truth(summarise):
     """An exact binomial test at the 1 % level does not reject 95 %, for magnitude, phase and both together."""
+    case = coverage.CASES[0]
     report = coverage.measure(case, SEED, RUNS)
     summarise(f"coverage: {case.name}", report.text(), report.as_json())
     assert len(report.outcomes) == RUNS

@@ -14,7 +14,7 @@ from receptance.coupling import invert_coupling
 from simulated_campaigns import BOUNDS, simulate_campaign
 
 SEED = 20261122
-CAMPAIGNS = 8
+CAMPAIGNS = 5
 CARBIDE, STEEL = (580e9, 14500.0, 0.24), (205e9, 7850.0, 0.29)
 LOSSES = (0.001, 0.003)
 SPRING = (4.1e8, 6.3e4, 1.7e6, 300.0, 0.09, 1.2)

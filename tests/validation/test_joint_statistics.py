@@ -72,13 +72,13 @@ def test_simulation_based_calibration_of_posterior_draws(summarise):
     """Truth from the prior, data from the truth, draws from the posterior: ranks are uniform (Talts et al. 2018)."""
     rng = np.random.default_rng(SEED)
     ranks = []
-    for case in range(36):
+    for case in range(24):
         truth, found = drawn_from_the_prior(rng)
         draws = sample_posterior(found, steps=300, seed=case)
         ranks.append(float(np.mean(draws.of("joint.k_theta") < truth)))
     p_value = stats.kstest(ranks, "uniform").pvalue
     counts = np.histogram(ranks, bins=6, range=(0.0, 1.0))[0]
-    text = f"seed {SEED}, 36 draws of joint and blank from their priors: ranks in six bins {counts}, p = {p_value:.3f}"
+    text = f"seed {SEED}, 24 draws of joint and blank from their priors: ranks in six bins {counts}, p = {p_value:.3f}"
     summarise("posterior calibration", text, ranks)
     assert p_value > 0.01, text
     assert stats.chisquare(counts).pvalue > 0.01, text
@@ -86,9 +86,9 @@ def test_simulation_based_calibration_of_posterior_draws(summarise):
 
 @pytest.mark.slow
 def test_intervals_contain_the_truth(summarise):
-    outcomes = [one for case in range(30) for one in joint_coverage.measure(SEED, case)]
+    outcomes = [one for case in range(20) for one in joint_coverage.measure(SEED, case)]
     rows, text = joint_coverage.report(outcomes)
-    summarise("joint coverage", f"seed {SEED}, 30 campaigns\n{text}", rows)
+    summarise("joint coverage", f"seed {SEED}, 20 campaigns\n{text}", rows)
     for row in rows:
         assert row["p_value"] > joint_coverage.REJECTED_AT, text
         assert row["rank_p_value"] > joint_coverage.REJECTED_AT, text
@@ -97,10 +97,10 @@ def test_intervals_contain_the_truth(summarise):
 @pytest.mark.slow
 def test_intervals_contain_the_truth_with_estimated_noise(summarise):
     """Data of finite elements; variances from coherence, pooled over neighbouring lines or as they are."""
-    both = np.array([coherence_coverage.scores(SEED, case) for case in range(80)]).swapaxes(0, 1)
+    both = np.array([coherence_coverage.scores(SEED, case) for case in range(40)]).swapaxes(0, 1)
     for name, found in zip(coherence_coverage.VARIANCES, both, strict=True):
         rows, text = coherence_coverage.report(found)
-        summarise(f"coherence coverage, {name}", f"seed {SEED}, 80 cases\n{text}", rows)
+        summarise(f"coherence coverage, {name}", f"seed {SEED}, 40 cases\n{text}", rows)
         for row in rows:
             assert row["p_value"] > coherence_coverage.REJECTED_AT, f"{name}: {text}"
         assert np.all(np.abs(found.mean(axis=0)) < 3.0 / np.sqrt(len(found))), f"{name}: {text}"
@@ -108,8 +108,8 @@ def test_intervals_contain_the_truth_with_estimated_noise(summarise):
 
 @pytest.mark.slow
 def test_the_best_optimum_is_reached_from_three_decades_off(summarise):
-    outcomes = [joint_global_optimum.measure(SEED, case) for case in range(10)]
+    outcomes = [joint_global_optimum.measure(SEED, case) for case in range(6)]
     text = joint_global_optimum.report(SEED, outcomes)
     summarise("joint optimum", text, [one.reached(one.staged) for one in outcomes])
-    # One of ten may end in a flat valley a hundredth of log-likelihood away; the command measures the share.
-    assert np.sum([one.reached(one.staged) for one in outcomes]) >= 9, text
+    # One of six may end in a flat valley a hundredth of log-likelihood away; the command measures the share.
+    assert np.sum([one.reached(one.staged) for one in outcomes]) >= 5, text

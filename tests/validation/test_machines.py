@@ -9,6 +9,7 @@ import pytest
 
 import machines
 import study_scripts
+from machines_report import close_and_far
 
 pytestmark = pytest.mark.slow
 
@@ -47,7 +48,7 @@ def test_short_tools_fail_with_an_unknown_spindle(study: dict[str, Any]) -> None
 
 
 def test_close_modes_and_the_diagnosis(study: dict[str, Any]) -> None:
-    height, frequency, far = machines.close_and_far(study)
+    height, frequency, far = close_and_far(study)
     assert height > 15.0
     assert height > 4.0 * far
     assert frequency < 3.0

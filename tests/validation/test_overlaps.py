@@ -62,7 +62,7 @@ def worst(found: np.ndarray, expected: np.ndarray) -> tuple[float, float]:
     return float(drive.max()), float(error.max())
 
 
-@pytest.mark.parametrize("count", [5, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [5, pytest.param(20, marks=pytest.mark.slow)])
 def test_random_overlaps_against_fifty_digits(count: int, summarise: Summarise) -> None:
     drive = all_ = 0.0
     for drawn in cases(0, count):
@@ -75,7 +75,7 @@ def test_random_overlaps_against_fifty_digits(count: int, summarise: Summarise) 
     summarise("overlaps against fifty digits", text, {"seed": SEED, "drive": drive, "all": all_})
 
 
-@pytest.mark.parametrize("count", [2, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_derivatives_against_fifty_digits(count: int, summarise: Summarise) -> None:
     """By central differences of the reference; the tip's drive point, which everything else is fitted to."""
     columns = [column for column in PHYSICAL if column not in CORE]
@@ -116,7 +116,7 @@ def test_all_natural_frequencies_are_found(points: int, slope: float, k_y: float
     np.testing.assert_allclose(found / (2 * np.pi), expected, rtol=1e-6)
 
 
-@pytest.mark.parametrize("count", [2, pytest.param(12, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [2, pytest.param(6, marks=pytest.mark.slow)])
 def test_natural_frequencies_of_random_overlaps(count: int) -> None:
     """Without supports, which the finite elements of side-by-side beams do not have."""
     for drawn in cases(2, count):
