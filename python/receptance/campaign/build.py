@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeVar
 
 from receptance import coupling
 from receptance._text import did_you_mean, instead_of, one_of
-from receptance.campaign.keys import ElementOf, ElementTable
+from receptance.campaign.keys import ElementTable
 from receptance.campaign.problems import CampaignError, KeyPath, Problems, path_text
 from receptance.campaign.schema import (
     ATTACHMENTS,
@@ -37,7 +37,7 @@ from receptance.model.terminals import RESIDUALS, ModalPart, Mode
 AnyJoint = PointJoint | SpreadJoint | ColletJoint | MicroslipJoint
 _KINDS = (
     *(kind.__name__ for kind in (Material, Part, Segment, ModalPart, Mode, Assembly, Unknown)),
-    *(of.element.__name__ for of in (*JOINTS.choices, *ATTACHMENTS.choices) if isinstance(of, ElementOf)),
+    *(keys.element.__name__ for keys in (*JOINTS.choices, *ATTACHMENTS.choices) if keys.element is not None),
     "Section",
     "Candidate",
     "Observation",

@@ -15,7 +15,7 @@ from receptance._files import not_found, read_whole
 from receptance._text import did_you_mean, shown
 from receptance.campaign.build import Builder, Built, modal_unknowns
 from receptance.campaign.cuts import CampaignCut, build_cut
-from receptance.campaign.keys import OWNERS, WRONG, NamedTables, Names, Place, TableOf
+from receptance.campaign.keys import OWNERS, WRONG, NamedTables, Place
 from receptance.campaign.measurements import MeasurementReader, note_repeated
 from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems
 from receptance.campaign.schema import CampaignTable
@@ -211,9 +211,9 @@ def _tables(data: dict[str, Any], problems: Problems, folder: Path | None) -> Ca
     broken |= problems.incomplete
     _check_owners(named, problems)
     empty: dict[str, Any] = {section: {} for section in _REQUIRED}
-    place = Place(problems, Names(named, frozenset(broken), folder))
+    place = Place(problems, named, frozenset(broken), folder)
     written = {**empty, **data} if "cuts" in data else data
-    values = place.keys(TableOf(CampaignTable), written)
+    values = place.keys(CampaignTable.keys(), written)
     usable = {key: value for key, value in values.items() if value is not WRONG and key in CampaignTable.declared}
     return CampaignTable(**{**empty, **usable})
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from receptance import units
 from receptance._text import instead_of, shown
-from receptance.campaign.keys import Names, Place, TableOf, table_of
+from receptance.campaign.keys import Place, table_of
 from receptance.campaign.problems import CampaignError, Problems
 from receptance.campaign.read import read_contents
 from receptance.campaign.schema import PartTable
@@ -101,7 +101,7 @@ def _holders_of_toml(path: Path) -> dict[str, list[HolderRow]]:
     data, text = read_contents(path)
     problems = Problems(text)
     # The materials are those of the new campaign.
-    place = Place(problems, Names({"materials": []}, frozenset({"materials"}), None))
+    place = Place(problems, {"materials": []}, frozenset({"materials"}), None)
     parts = {} if "parts" not in data else table_of(data["parts"])
     tables = {name: (place.at("parts").at(name), table) for name, table in parts.items()}
     if "segments" in data:
@@ -113,7 +113,7 @@ def _holders_of_toml(path: Path) -> dict[str, list[HolderRow]]:
         if isinstance(table, dict) and isinstance(table.get("segments"), list):
             rows = [{"material": "", **row} if isinstance(row, dict) else row for row in table["segments"]]
             table = {**table, "segments": rows}
-        part = where.read(TableOf(PartTable), table)
+        part = where.read(PartTable.keys(), table)
         if not problems.found:
             holders[name] = [
                 _piece(row.length, row.outer_diameter, row.inner_diameter, row.material, row.core or "")
