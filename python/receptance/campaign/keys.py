@@ -185,15 +185,24 @@ def plain(
 ) -> Field[Any]:
     """Declare a value of one of several types, which is read where more is known: a text with a unit or a number."""
 
-    def read(written: Any, place: Place) -> Any:
+    def read(written: Any, _: Place) -> Any:
         if isinstance(written, bool) or not isinstance(written, types):
             raise ValueError(f"is {shown(written)}, expected {expected}")
-        if isinstance(written, list):
-            # Numbers are allowed in the list where they are beside it.
-            return ListOf("", plain() if float in types else text()).read(written, place)
         return written
 
     return Value(doc, read, {"anyOf": list(form)})
+
+
+def one_or_list(doc: str, item: Field[T], expected: str, types: tuple[type, ...] = (str,)) -> Field[T | list[T]]:
+    """Declare a value that is written as one of some types, or a list of such values."""
+
+    def read(written: Any, place: Place) -> Any:
+        if isinstance(written, bool) or not isinstance(written, (*types, list)):
+            raise ValueError(f"is {shown(written)}, expected {expected}")
+        return (ListOf("", item) if isinstance(written, list) else item).read(written, place)
+
+    form = item.schema()
+    return Value(doc, read, {"anyOf": [*form.get("anyOf", [form]), {"type": "array", "items": form}]})
 
 
 def name_in(doc: str, *sections: str, optional: bool = False) -> Field[str]:
@@ -238,17 +247,6 @@ def data_file(doc: str = "") -> Field[str]:
         return name
 
     return Value(doc, read)
-
-
-def data_files(doc: str) -> Field[str | list[str]]:
-    """Declare the path of a data file, or a list of them."""
-
-    def read(written: Any, place: Place) -> Any:
-        if not isinstance(written, (str, list)):
-            raise ValueError(f"is {shown(written)}, expected the name of a file, or a list of them")
-        return (data_file() if isinstance(written, str) else ListOf("", data_file())).read(written, place)
-
-    return Value(doc, read, {"anyOf": [TEXT, {"type": "array", "items": TEXT}]})
 
 
 def deviation_of(quantity: Quantity, doc: str) -> Field[Deviation]:

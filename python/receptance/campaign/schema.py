@@ -27,23 +27,27 @@ from receptance.campaign.keys import (
     check_name,
     check_word,
     data_file,
-    data_files,
     deviation_at_address,
     deviation_of,
     element_keys,
     flag,
     name_in,
     name_in_machine,
+    one_or_list,
     plain,
     text,
+    text_of,
     value_at_address,
     value_of_unknown,
     word,
 )
 from receptance.campaign.values import (
     parse_condition,
+    parse_damping_deviation,
+    parse_damping_ratio,
     parse_deviation_share,
     parse_force_window,
+    parse_frequency_deviation,
     parse_level,
     parse_share,
 )
@@ -63,15 +67,12 @@ BAND = ListOf("", Number(units.FREQUENCY_OR_ZERO, ""), least=2, most=2)
 name_or_number = partial(
     plain, types=(str, int), expected="a number from 0 or a name in the file", form=[TEXT, {"type": "integer"}]
 )
-"""A name in a file, or its number."""
 channel = partial(name_or_number, expected="the name of a channel in the file, or its number from 0")
 deviations = partial(
-    plain,
-    types=(str, list),
+    one_or_list,
+    item=Value("", lambda written, _: parse_frequency_deviation(text_of(written))),
     expected='a standard deviation such as "5 Hz", or a list of them',
-    form=[TEXT, {"type": "array", "items": TEXT}],
 )
-"""Standard deviations of natural frequencies, one for all or one for each."""
 condition = partial(Value, parse=lambda written, _: parse_condition(written), form={"anyOf": PLAIN})
 """A number with any unit."""
 share = partial(Value, parse=lambda written, _: parse_share(written, 'a percentage such as "5 %"'))
@@ -311,8 +312,10 @@ class HammerTable(RecordsReading, _Response):
     """Force and response of hammer hits against time, from which the FRF is estimated."""
 
     kind: Literal["hammer records"] = word("hammer records").needed()
-    file = data_files(
-        "path, relative to the campaign file, with one or several hits, or a list of paths: UFF58, CSV, NPZ, MAT, HDF5"
+    file = one_or_list(
+        "path, relative to the campaign file, with one or several hits, or a list of paths: UFF58, CSV, NPZ, MAT, HDF5",
+        data_file(),
+        "the name of a file, or a list of them",
     ).needed()
     force: str | int = channel("name of the force channel, or its number counted from 0").needed()
     motion: str | int = channel("name of the response channel, or its number counted from 0").needed()
@@ -363,21 +366,21 @@ class FrequenciesTable(_Measured):
     modes = ListOf(
         "numbers of the elastic modes, the lowest is 1; by default 1, 2, and so on", Count("", most=math.inf), least=1
     ).default(None)
-    standard_deviation: str | list[str] | None = deviations(
+    standard_deviation = deviations(
         'standard deviation of the frequencies, `"5 Hz"` or `"0.1 %"`, one for all or one for each'
     ).default(None)
     damping_ratios = ListOf(
         'damping ratios such as `"1.2 %"`, one for each frequency, or `"unknown"`; frequencies are then those of '
         "damped modes (their magnitudes), else of undamped ones",
-        text(),
+        Value("", lambda written, _: parse_damping_ratio(text_of(written))),
         least=1,
     ).default(None)
-    damping_deviation: str | float | list[str | float] | None = plain(
+    damping_deviation = one_or_list(
         'standard deviation of the damping ratios, `"5 %"` of them or a number such as 0.0005, one for all or one '
         "for each",
-        types=(str, float, list),
-        expected='a standard deviation such as "5 %" of the ratio, a number, or a list of them',
-        form=[*PLAIN, {"type": "array", "items": {"anyOf": PLAIN}}],
+        Value("", lambda written, _: parse_damping_deviation(written), {"anyOf": PLAIN}),
+        'a standard deviation such as "5 %" of the ratio, a number, or a list of them',
+        (str, float),
     ).default(None)
     file = data_file(
         "CSV file instead, with columns `mode`, `frequency [Hz]` and, optionally, `standard_deviation [Hz]`, "
@@ -419,7 +422,7 @@ class CandidateFrequenciesTable(_Possible):
 
     kind: Literal["natural frequencies"] = word("natural frequencies").needed()
     modes = ListOf("numbers of the elastic modes, the lowest is 1", Count("", most=math.inf), least=1).needed()
-    standard_deviation: str | list[str] = deviations(
+    standard_deviation = deviations(
         'expected standard deviation of the frequencies, `"5 Hz"` or `"0.1 %"`, one for all or one for each'
     ).needed()
 
@@ -550,13 +553,12 @@ class TipTable(FileFields):
     ).default(None)
 
 
-_ACROSS = ("as x", "rigid")
 _TIP = TipTable.keys()
 
 
 def _read_across(written: Any, place: Place) -> Any:
     """Return the tip across the feed: a table, or a word."""
-    if written in _ACROSS:
+    if written in ("as x", "rigid"):
         return written
     if not isinstance(written, dict):
         raise ValueError(f'is {shown(written)}, expected a table, "as x" or "rigid"')
@@ -577,7 +579,7 @@ class MillingKeys(KeyTable):
     y: TipTable | Literal["as x", "rigid"] = Value(
         'receptance across it; `"as x"` the same, `"rigid"` none',
         _read_across,
-        {"anyOf": [_TIP.schema(), {**TEXT, "enum": list(_ACROSS)}]},
+        {"anyOf": [_TIP.schema(), {**TEXT, "enum": ["as x", "rigid"]}]},
     ).default("as x")
 
 
@@ -661,34 +663,32 @@ def _read_version(written: Any, _: Place) -> int:
     return 1
 
 
+_named = partial(NamedTables, check_key=check_name)
+_named_by_word = partial(NamedTables, check_key=check_word, pattern=WORD)
+
+
 class CampaignTable(KeyTable):
     """A measuring campaign: structures, measurements and unknowns."""
 
     format = Value("version of this format", _read_version, {"const": 1}).default(1)
     title = text("free text").default("")
     description = text("free text: the origin of the data, and whether they are simulated").default("")
-    materials: Mapping[str, ElementTable] = NamedTables("materials by name", MATERIAL, check_name).needed()
-    parts: Mapping[str, PartTable] = NamedTables("parts by name", PartTable.keys(), check_word, WORD).needed()
-    modal_parts: Mapping[str, ElementTable] = NamedTables(
-        "parts known by their modes, such as a spindle, by name", MODAL_PART, check_word, WORD
+    materials: Mapping[str, ElementTable] = _named("materials by name", MATERIAL).needed()
+    parts: Mapping[str, PartTable] = _named_by_word("parts by name", PartTable.keys()).needed()
+    modal_parts: Mapping[str, ElementTable] = _named_by_word(
+        "parts known by their modes, such as a spindle, by name", MODAL_PART
     ).default(_EMPTY)
-    joints: Mapping[str, ElementTable] = NamedTables("joints by name", JOINTS, check_word, WORD).default(_EMPTY)
-    sensors: Mapping[str, ElementTable] = NamedTables("sensors by name", SENSOR, check_word, WORD).default(_EMPTY)
-    attachments: Mapping[str, ElementTable] = NamedTables(
-        "masses and ground springs by name", ATTACHMENTS, check_word, WORD
+    joints: Mapping[str, ElementTable] = _named_by_word("joints by name", JOINTS).default(_EMPTY)
+    sensors: Mapping[str, ElementTable] = _named_by_word("sensors by name", SENSOR).default(_EMPTY)
+    attachments: Mapping[str, ElementTable] = _named_by_word("masses and ground springs by name", ATTACHMENTS).default(
+        _EMPTY
+    )
+    assemblies: Mapping[str, AssemblyTable] = _named("configurations by name", AssemblyTable.keys()).needed()
+    measurements: Mapping[str, MeasurementTable] = _named("measurements by name", MEASUREMENTS).default(_EMPTY)
+    candidates: Mapping[str, CandidateTable] = _named(
+        "candidates for the next measurement, by name", CANDIDATES
     ).default(_EMPTY)
-    assemblies: Mapping[str, AssemblyTable] = NamedTables(
-        "configurations by name", AssemblyTable.keys(), check_name
-    ).needed()
-    measurements: Mapping[str, MeasurementTable] = NamedTables(
-        "measurements by name", MEASUREMENTS, check_name
-    ).default(_EMPTY)
-    candidates: Mapping[str, CandidateTable] = NamedTables(
-        "candidates for the next measurement, by name", CANDIDATES, check_name
-    ).default(_EMPTY)
-    cuts: Mapping[str, ElementTable] = NamedTables(
-        "cuts whose stable depth is computed, by name", CUTS, check_name
-    ).default(_EMPTY)
+    cuts: Mapping[str, ElementTable] = _named("cuts whose stable depth is computed, by name", CUTS).default(_EMPTY)
     unknowns: Mapping[str, UnknownTable] = NamedTables(
         'parameters to identify, by address: `"joint.k_theta"`', UnknownTable.keys()
     ).default(_EMPTY)
