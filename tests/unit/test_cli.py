@@ -90,7 +90,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["dmo"], "dmo"),
+        (["dmo"], 'there is no command "dmo", expected one of "demo"'),
         (["demo", "--jsn", "a"], "--jsn"),
         (["identify", "a.toml", "--seed", "-1"], "--seed"),
         (["sweep", "a.toml", "--sample", "many"], "--sample"),

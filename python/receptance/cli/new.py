@@ -350,7 +350,7 @@ def _read(file: Path, reading: ReadingOptions, answers: _Answers) -> tuple[list[
         try:
             return io.read_all(file, **reading), reading
         except io.FileFormatError as error:
-            question = next((question for question in _OF_READING if question.option in str(error)), None)
+            question = next((question for question in _OF_READING if question.name == error.option), None)
             if not answers.interactive or question is None or question.name in reading or error.file != file.name:
                 raise
             # Files of one analyser are alike, so that an answer holds for those that need it.

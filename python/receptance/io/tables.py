@@ -114,7 +114,9 @@ def _column_in_unit(table: NumberTable, index: int, unit: str) -> NDArray[np.flo
     source = _column_unit(column)
     if source is None:
         expected = f"{column.name} [{usual_unit(column) or unit}]"
-        raise FileFormatError(f"column {column.name!r} has no unit, expected {expected}; {_header_option(table)}")
+        raise FileFormatError(
+            f"column {column.name!r} has no unit, expected {expected}; {_header_option(table)}", option="columns"
+        )
     turns = parse_unit("rad/s")
     if column.role == "frequency" and source.dimension == turns.dimension:
         # An angular frequency in rad/s, or a speed in rpm.
@@ -187,7 +189,8 @@ def _channel_units(table: NumberTable, channels: list[int], options: ReadOptions
         if not unit:
             raise FileFormatError(
                 f"column {column.name!r} has no unit; write {column.name} [N], for example, or give "
-                f"unit={{{column.name!r}: 'N'}} (on the command line --unit {shlex.quote(f'{column.name}=N')})"
+                f"unit={{{column.name!r}: 'N'}} (on the command line --unit {shlex.quote(f'{column.name}=N')})",
+                option="unit",
             )
         if _is_frf_unit(unit):
             raise FileFormatError(f"{unit!r} is the unit of an FRF, but column {column.name!r} is a time record")
