@@ -87,24 +87,34 @@ class InterruptedAnswer(Exception):  # noqa: N818
     """An interruption after which a preliminary result was printed."""
 
 
-def with_parameters(
-    command: Callable[..., None], called: Callable[..., None], added: Sequence[inspect.Parameter], without: str = ""
-) -> Callable[..., None]:
-    """Return a function with the name and the help of a command, and its parameters but one and some more.
+def takes_options(
+    name: str, options: Mapping[str, tuple[Any, Any]], made: Callable[[dict[str, Any]], Any]
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command options, by their names with type and default, in place of its parameter `name`.
 
-    Typer declares the options of a command from its signature.
+    The parameter is made from the values of the options. Typer declares the options from the signature.
     """
-    own = inspect.signature(command, eval_str=True)
-    kept = [parameter for parameter in own.parameters.values() if parameter.name != without]
-    functools.update_wrapper(called, command)
-    called.__signature__ = own.replace(parameters=[*kept, *added])  # type: ignore[attr-defined]
-    return called
+
+    def given(command: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(command)
+        def called(**values: Any) -> None:
+            command(**{name: made({option: values.pop(option) for option in options})}, **values)
+
+        own = inspect.signature(command, eval_str=True)
+        kept = [parameter for parameter in own.parameters.values() if parameter.name != name]
+        keyword = inspect.Parameter.KEYWORD_ONLY
+        added = [inspect.Parameter(key, keyword, default=own, annotation=kind) for key, (kind, own) in options.items()]
+        called.__signature__ = own.replace(parameters=[*kept, *added])  # type: ignore[attr-defined]
+        return called
+
+    return given
 
 
 def takes_quiet(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command the option --quiet: neither text nor progress, but for errors and the JSON of `--json -`."""
 
-    def called(*, quiet: bool, **values: Any) -> None:
+    @functools.wraps(command)
+    def silenced(*, quiet: bool, **values: Any) -> None:
         before = _is_quiet.set(quiet)
         try:
             command(**values)
@@ -112,9 +122,8 @@ def takes_quiet(command: Callable[..., None]) -> Callable[..., None]:
             _is_quiet.reset(before)
 
     words = "Print errors only; files are written all the same."
-    option = Annotated[bool, typer.Option("--quiet", "-q", help=words, rich_help_panel=_OUTPUT)]
-    quiet = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)
-    return with_parameters(command, called, [quiet])
+    option = typer.Option("--quiet", "-q", help=words, rich_help_panel=_OUTPUT)
+    return takes_options("quiet", {"quiet": (Annotated[bool, option], False)}, lambda values: values["quiet"])(silenced)
 
 
 def takes_targets(
@@ -125,31 +134,17 @@ def takes_targets(
     `strict` are the results for which the option --strict, which is then there, ends with exit code 3. `plot` and
     `report` are default files, which are replaced because the same command has written them.
     """
-    defaults = (plot, report)
+    options: dict[str, tuple[Any, Any]] = {"json_file": (Json, None), "plot": (_Plot, plot)}
+    options |= {"report": (_Report, report), "overwrite": (Overwrite, False)}
+    if strict:
+        option = typer.Option("--strict", help=f"Exit with {_NO} {strict}.", rich_help_panel=_OUTPUT)
+        options["strict"] = (Annotated[bool, option], False)
 
-    def given(command: Callable[..., None]) -> Callable[..., None]:
-        def called(
-            *,
-            json_file: Path | None,
-            plot: Path | None,
-            report: Path | None,
-            overwrite: bool,
-            strict: bool = False,
-            **values: Any,
-        ) -> None:
-            own = {path for path, default in zip((plot, report), defaults, strict=True) if path == default}
-            command(targets=Targets(json_file, plot, report, overwrite=overwrite, own=own, strict=strict), **values)
+    def targets(values: dict[str, Any]) -> Targets:
+        own = {path for path in (plot, report) if path is not None and path in (values["plot"], values["report"])}
+        return Targets(**values, own=own)
 
-        added: list[tuple[str, Any, Any]] = [("json_file", Json, None), ("plot", _Plot, plot)]
-        added += [("report", _Report, report), ("overwrite", Overwrite, False)]
-        if strict:
-            option = typer.Option("--strict", help=f"Exit with {_NO} {strict}.", rich_help_panel=_OUTPUT)
-            added.append(("strict", Annotated[bool, option], False))
-        keyword = inspect.Parameter.KEYWORD_ONLY
-        parameters = [inspect.Parameter(name, keyword, default=own, annotation=kind) for name, kind, own in added]
-        return with_parameters(command, called, parameters, without="targets")
-
-    return given
+    return takes_options("targets", options, targets)
 
 
 @contextmanager
