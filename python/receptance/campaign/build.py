@@ -45,7 +45,17 @@ _KINDS = (
     "Turning",
 )
 """Classes whose error messages begin with their name; the path in the file replaces it."""
-_LAW = ("power_of", "free", "individual")
+_WITHOUT_MOVES = ("multiple", "also", "free", "individual", "follows", "exponent")
+"""Keys of an unknown that cannot stand beside `moves`."""
+_NEEDED = {
+    "relative": ("moves",),
+    "along": ("free",),
+    "power_of": ("reference",),
+    "reference": ("power_of",),
+    "exponent": ("power_of",),
+    "follows": ("power_of", "individual"),
+}
+"""Keys of an unknown that depend on another one."""
 _PROVISIONAL_HZ = 1000.0
 """Natural frequency of a mode before its start value is estimated from the measured FRFs."""
 _Made = TypeVar("_Made")
@@ -192,15 +202,18 @@ class Builder:
         path: KeyPath = ("unknowns", address)
         if self.problems.at(path):
             return None
+        if wrong := _misplaced(table):
+            self.problems.add((*path, wrong[0]), wrong[1])
+            return None
         plain = bool(table.moves) or table.multiple is not None
         lower, upper, start = table.lower, table.upper, table.start
         if start is None and not plain:
             start = self.numbers.get(address)
             if start is not None and not lower <= start <= upper:
-                self.problems.add(
-                    path,
-                    f"has bounds that exclude the value {start:g} of the joint, expected wider bounds or another start",
+                text = (
+                    f"has bounds that exclude the value {start:g} of the joint, expected wider bounds or another start"
                 )
+                self.problems.add(path, text)
                 return None
         fields: dict[str, Any] = {"address": address, "lower": lower, "upper": upper, "start": start}
         fields |= {"scale": table.scale, "name": table.name}
@@ -211,42 +224,22 @@ class Builder:
             fields["prior"] = self.make((*path, "prior"), prior_of, quantity, prior.value, prior.spread, logarithmic)
             if fields["prior"] is None:
                 return None
+        power = {} if table.power_of is None else {"of": table.power_of, "reference": table.reference}
         if table.moves:
-            return self._move(path, table, {**fields, "name": table.name or address})
+            fields |= {"name": table.name or address, "moves": table.moves, "relative": table.relative}
+            return self.make(path, Move, **fields, **power)
         fields |= {"multiple": 1.0 if table.multiple is None else table.multiple, "also": table.also}
-        if wrong := _misplaced(table):
-            self.problems.add((*path, *wrong[:-1]), wrong[-1])
-            return None
-        if not any(getattr(table, key) for key in _LAW):
+        if not (power or table.free or table.individual is not None):
             return self.make(path, Unknown, **fields)
-        if table.power_of is not None:
-            lower, upper = table.exponent or (-4.0, 4.0)
-            power = self._with_reference(path, table, Power, of=table.power_of, lower=lower, upper=upper)
-            if power is None:
+        if power:
+            lowest, highest = table.exponent or (-4.0, 4.0)
+            fields["powers"] = self.make(path, Power, **power, lower=lowest, upper=highest)
+            if fields["powers"] is None:
                 return None
-            fields["powers"] = (power,)
         if table.free:
             fields["along"] = table.along or (campaign.series.over if campaign.series is not None else "")
         fields |= {"free": table.free, "individual": table.individual or 0.0, "follows": table.follows}
         return self.make(path, Law, **fields)
-
-    def _move(self, path: KeyPath, table: UnknownTable, fields: dict[str, Any]) -> Move | None:
-        for key in ("multiple", "also", "free", "individual", "follows", "exponent"):
-            if getattr(table, key):
-                self.problems.add((*path, key), "is given with `moves`, expected one of the two")
-                return None
-        fields |= {"moves": table.moves, "relative": table.relative}
-        if table.power_of is None:
-            return self.make(path, Move, **fields)
-        return self._with_reference(path, table, Move, of=table.power_of, **fields)
-
-    def _with_reference(
-        self, path: KeyPath, table: UnknownTable, kind: Callable[..., _Made], **fields: Any
-    ) -> _Made | None:
-        if table.reference is None:
-            self.problems.add(path, "has a `power_of` but no `reference`, expected a value of that condition")
-            return None
-        return self.make(path, kind, reference=table.reference, **fields)
 
     def _check_unknowns(self, campaign: CampaignTable) -> None:
         """Check that every unknown is a parameter of some assembly, and that no parameter has two unknowns."""
@@ -402,17 +395,20 @@ def _store(store: dict[str, Any], name: str, made: object) -> None:
         store[name] = made
 
 
-def _misplaced(table: UnknownTable) -> tuple[str, ...]:
-    """Return key and text of a mistake if a key is given without the one that it depends on."""
-    if table.relative:
-        return "relative", "is given without `moves`, expected both or none"
-    if table.along is not None and not table.free:
-        return "along", "is given without `free`, expected `free = true` as well"
-    if any(getattr(table, key) for key in _LAW):
-        return ()
-    if table.reference is not None or table.exponent is not None:
-        return ("has a reference or an exponent, but no `power_of`",)
-    return ("follows", "is given without `power_of` and `individual`, expected one of them") if table.follows else ()
+def _misplaced(table: UnknownTable) -> tuple[str, str] | None:
+    """Return key and text of a mistake if a key is given beside one that excludes it, or without one that it needs."""
+    values = {key: getattr(table, key) for key in table.written}
+    stated = {key for key, value in values.items() if value is not None and value is not False and value != {}}
+    for key in _WITHOUT_MOVES if "moves" in stated else ():
+        if key in stated:
+            return key, "is given with `moves`, expected one of the two"
+    for key, needed in _NEEDED.items():
+        if key in stated and not stated & set(needed):
+            return (
+                key,
+                f"is given without {' and '.join(f'`{name}`' for name in needed)}, expected {one_of(needed)} as well",
+            )
+    return None
 
 
 def _written_numbers(campaign: CampaignTable) -> dict[str, float]:

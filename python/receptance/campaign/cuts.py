@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 from receptance.campaign.measurements import MeasurementReader, read_entry, restrict_to_bands
 from receptance.campaign.problems import KeyPath
@@ -12,11 +11,7 @@ from receptance.campaign.schema import TipTable
 from receptance.fit import Observation
 from receptance.frf import FRF
 from receptance.frf.frf import with_variance
-from receptance.stability import (
-    Lobes,
-    Milling,
-    Turning,
-)
+from receptance.stability import Lobes, Milling, Turning
 from receptance.stability.tip import require_drive_point
 
 
@@ -110,20 +105,17 @@ def _tip(
         if frf is not None and sensor is not None:
             builder.note(path, f"the receptance includes the mass of the sensor {sensor}")
     else:
-        frf = builder.make((*path, "file"), _read, table, reader.folder)
+        frf = builder.make((*path, "file"), lambda: with_variance(read_entry(table, reader.folder)))
         for note in () if frf is None else frf.notes:
             builder.note(path, note)
     if frf is not None and table.bands is not None:
         frf = builder.make((*path, "bands"), restrict_to_bands, frf, table.bands)
-    if frf is None or builder.make(path, _at_drive_point, frf) is None:
+    if frf is not None:
+        builder.make(path, require_drive_point, "the FRF", frf.masked())
+    if frf is None or problems.at(path):
         return None
     name = f"measured, {table.measurement or table.file}"
     return Tip(name=name, frf=frf.to("receptance"), file=str(table.file or ""))
-
-
-def _at_drive_point(frf: FRF) -> FRF:
-    require_drive_point("the FRF", frf.masked())
-    return frf
 
 
 def _measured(seen: Observation) -> FRF:
@@ -143,7 +135,3 @@ def _measured(seen: Observation) -> FRF:
         correlated_lines=seen.correlated_lines,
         label=seen.label,
     )
-
-
-def _read(table: TipTable, folder: Path) -> FRF:
-    return with_variance(read_entry(table, folder))

@@ -17,8 +17,6 @@ from receptance.campaign.measurements import data_files
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.read import campaign_fields, read_campaign, silent
 from receptance.campaign.schema import CampaignTable
-from receptance.campaign.tolerances import inherited_tolerances
-from receptance.campaign.values import Deviation
 from receptance.fit import Tolerance, Unknown
 from receptance.fit.observation import Observation
 from receptance.fit.parameters import Site
@@ -194,20 +192,6 @@ class CampaignData(Renderable):
     def site(self, name: str) -> Site:
         """Return an assembly with its configuration and conditions, for laws and tolerances."""
         return Site(self.assemblies[name], name, "", self.table.assemblies[name].conditions)
-
-    def inherited_tolerances(
-        self, assembly: Assembly, parts: Mapping[str, dict[str, Deviation]]
-    ) -> tuple[Tolerance, ...]:
-        """Return the errors of an assembly of elements of this campaign that is not in the file.
-
-        Parameters
-        ----------
-        assembly : Assembly
-            Parts, joints and attachments of the campaign, and other parts of its materials.
-        parts : mapping of str to dict
-            Names of the other parts, and the standard deviations of their dimensions by address.
-        """
-        return inherited_tolerances(assembly, self.table, self.built, parts)
 
     def select_cuts(self, names: Sequence[str] = ()) -> list[CampaignCut]:
         """Return cuts by name; by default all.

@@ -128,7 +128,7 @@ def _fitted(
         )
         for unknown in unknowns
     ]
-    weighed = all(getattr(observation, "standard_deviation", None) is not None for observation in observations)
+    weighed = all(observation.weighted for observation in observations)
     try:
         return identify(
             observations,

@@ -215,8 +215,3 @@ def kind_of(address: str) -> Quantity:
         near = did_you_mean(field, PARAMETERS)
         raise ValueError(f'names an unknown quantity "{field}"{near}; expected {one_of(PARAMETERS)}')
     return PARAMETERS[field]
-
-
-def value_at(address: str, value: Any) -> float:
-    """Return the value of the parameter at an address in SI units."""
-    return parse(value, kind_of(address))
