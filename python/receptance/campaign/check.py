@@ -8,8 +8,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from receptance.campaign.data import CampaignData
-from receptance.campaign.identification import fit_inputs, observed_unknowns, transfer_errors
-from receptance.campaign.inversion import joints_to_invert
+from receptance.campaign.identification import fit_inputs, joints_to_invert, observed_unknowns, transfer_errors
 from receptance.campaign.problems import CampaignError
 from receptance.report import Column, Provenance, Result, Table
 

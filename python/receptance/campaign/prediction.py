@@ -126,63 +126,51 @@ class Prediction(Result):
         rms = "" if self.rms_percent is None else f", rms {self.rms_percent:.3g} %"
         return f"Prediction({self.provenance.title!r}, {counts}{rms})"
 
-    def _interval_column(self) -> Column:
-        return Column(f"{100.0 * self.level:g} % interval", "Hz", ".1f")
-
-    def _interval(self, mode: PredictedMode) -> Cell:
-        return UNINFORMATIVE if mode.uninformative(self.level) else mode.interval_hz(self.level)
-
-    def _frequency_table(self, title: str, several: list[PredictedFrequencies]) -> Table:
-        columns = (
-            "name",
-            Column("mode", form="d"),
+    def _columns(self, *first: Column | str) -> tuple[Column | str, ...]:
+        """Return the columns of tables of natural frequencies or peaks."""
+        return (
+            *first,
             Column("measured", "Hz", ".1f"),
             Column("predicted", "Hz", ".1f"),
-            self._interval_column(),
+            Column(f"{100.0 * self.level:g} % interval", "Hz", ".1f"),
             Column("error", "%", "+.2f"),
             Column("within"),
-            "mostly from",
         )
-        rows: list[list[Cell]] = []
-        for one in several:
-            for i, mode in enumerate(one.modes):
-                rows.append(
-                    [
-                        one.name if i == 0 else None,
-                        mode.mode,
-                        mode.measured_hz,
-                        mode.predicted_hz,
-                        self._interval(mode),
-                        mode.error_percent,
-                        mode.within(self.level),
-                        _largest(one.scatter, i),
-                    ]
-                )
+
+    def _compared(self, mode: PredictedMode) -> list[Cell]:
+        """Return the cells of interval, error and within."""
+        interval = UNINFORMATIVE if mode.uninformative(self.level) else mode.interval_hz(self.level)
+        return [interval, mode.error_percent, mode.within(self.level)]
+
+    def _frequency_table(self, title: str, several: list[PredictedFrequencies]) -> Table:
+        rows: list[list[Cell]] = [
+            [
+                frequencies.name if i == 0 else None,
+                mode.mode,
+                mode.measured_hz,
+                mode.predicted_hz,
+                *self._compared(mode),
+                _largest(frequencies.scatter, i),
+            ]
+            for frequencies in several
+            for i, mode in enumerate(frequencies.modes)
+        ]
+        columns = (*self._columns("name", Column("mode", form="d")), "mostly from")
         return Table(title, columns, rows).without_empty()
 
     def _peak_table(self) -> Table:
-        columns = (
-            "measurement",
-            Column("measured", "Hz", ".1f"),
-            Column("predicted", "Hz", ".1f"),
-            self._interval_column(),
-            Column("error", "%", "+.2f"),
-            Column("within"),
-        )
         rows: list[list[Cell]] = [
             [
                 frf.name if i == 0 else None,
                 "none" if peak.measured_hz is None else peak.measured_hz,
                 "none" if peak.predicted_hz is None else peak.predicted_hz,
-                self._interval(peak),
-                peak.error_percent,
-                peak.within(self.level),
+                *self._compared(peak),
             ]
             for frf in self.frfs
             if frf.measured is not None
             for i, peak in enumerate(frf.peaks)
         ]
-        return Table("Peaks of FRFs held out", columns, rows)
+        return Table("Peaks of FRFs held out", self._columns("measurement"), rows)
 
     def _frf_table(self) -> Table:
         columns = (
