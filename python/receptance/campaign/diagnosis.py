@@ -20,13 +20,7 @@ from receptance.fit.observation import Observation
 
 
 def base_model(campaign: CampaignData, seen: Mapping[str, Observation] | None = None) -> tuple[Model, list[str]]:
-    """Return the model for a diagnosis, and notes on unknowns that are left out.
-
-    Parameters
-    ----------
-    seen : mapping of str to Observation, optional
-        Measurements that are used; by default those that are not held out.
-    """
+    """Return the model for a diagnosis, and notes on unknowns that are left out; see `Campaign.base_model`."""
     seen = campaign.to_identify if seen is None else seen
     unknowns, left_out = observed_unknowns(campaign, seen)
     observations = tuple(seen.values())

@@ -281,24 +281,10 @@ def predict_assembly(
     notes: list[str],
     threads: int | None = None,
 ) -> PredictedAssembly:
-    """Return the predictions of an assembly, and add notes on parameters that are not identified or not in it.
+    """Return the predictions of an assembly, and add to `notes` parameters that are not identified or not in it.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-    identified : Identification or None
-        The fit; None without unknowns.
-    site : Site
-        The assembly with its configuration and conditions.
-    tolerances : sequence of Tolerance
-        Its errors.
-    name : str
-        Name of the prediction in notes and messages.
-    notes : list of str
-        List to which notes are added.
-    threads : int, optional
-        Number of threads; by default that of the fit.
+    Without unknowns `identified` is None. The assembly, with its configuration and conditions, and its errors are those
+    of `site` and `tolerances`; `name` is that of the prediction in notes and messages.
 
     Raises
     ------

@@ -58,9 +58,6 @@ def _quantity(quantity: units.Quantity, *none: str) -> _Parse:
     return lambda text, _: 0.0 if text.lower() in none else units.parse(text, quantity, expected)
 
 
-_mass = _quantity(units.MASS, "none", "laser", "0")
-
-
 def _choice(*names: str) -> _Parse:
     def parse(text: str, answers: Mapping[str, Any]) -> str:
         choices = names or answers["materials"]

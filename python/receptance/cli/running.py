@@ -17,8 +17,7 @@ from time import perf_counter
 from typing import Annotated, Any, TypeVar
 
 import typer
-from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderableType, RenderHook
-from rich.control import Control
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 
 import receptance
@@ -226,19 +225,21 @@ class Targets:
         """Whether a figure is written, alone or in the report."""
         return bool({"--plot", "--report"} & self._files.keys())
 
+    def _every(self) -> Iterator[tuple[str, Path]]:
+        """Yield option and path of each file that may be written, a second figure included."""
+        yield from self._files.items()
+        if (plot := self._files.get("--plot")) is not None and plot not in self._own:
+            yield "--plot", _beside(plot, PROFILES)
+
     def protect(self, path: Path, what: str) -> None:
         """Raise `InputError` if an output file is a file that is read."""
-        plot = self._files.get("--plot")
-        second = [] if plot is None else [("--plot", _beside(plot, PROFILES))]
-        for option, target in (*self._files.items(), *second):
+        for option, target in self._every():
             if target.resolve() == path.resolve():
                 raise InputError(f"{option} names {target}, which is {what}; give another file")
 
     def require_new(self) -> None:
         """Raise `InputError` if an output file exists and --overwrite was not given."""
-        plot = self._files.get("--plot")
-        second = [] if plot is None or plot in self._own else [("--plot", _beside(plot, PROFILES))]
-        for option, path in (*self._files.items(), *second):
+        for option, path in self._every():
             if path not in self._own:
                 refuse_existing(option, path, overwrite=self.overwrite)
 
@@ -319,32 +320,12 @@ def _image_kind(plot: Path) -> str:
     return kind
 
 
-class _Escaped:
-    """A renderable with escaped control characters, because titles and names come from data files."""
-
-    def __init__(self, inner: RenderableType) -> None:
-        self._inner = inner
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
-        for segment in console.render(self._inner, options):
-            yield segment if segment.control else Segment(printable(segment.text), segment.style)
-
-
-class _EscapeHook(RenderHook):
-    """Escapes control characters in everything that is printed."""
-
-    def process_renderables(self, renderables: list[ConsoleRenderable]) -> list[ConsoleRenderable]:
-        return [
-            _Escaped(renderable) if not isinstance(renderable, Control) else renderable for renderable in renderables
-        ]
-
-
 class _Output(Console):
-    """Standard output; a closed pipe (`| head`) is no error."""
+    """Standard output; control characters of titles and names are escaped, and a closed pipe (`| head`) is no error."""
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__(**options)
-        self.push_render_hook(_EscapeHook())
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else Segment(printable(segment.text), segment.style)
 
     def on_broken_pipe(self) -> None:
         self.quiet = True
