@@ -373,9 +373,10 @@ class Builder:
         here = (*path, "level")
         amount, is_force = level
         levels: dict[str, float] = {}
-        joints = {name: of for name, of in assembly.elements.items() if isinstance(of, MicroslipJoint)}
-        for name, joint in joints.items():
-            reference = joint.reference_force
+        for name in assembly.elements:
+            if name not in campaign.joints or campaign.joints[name].kind != "micro-slip":
+                continue
+            reference = campaign.joints[name].reference_force
             if is_force and reference is None:
                 text = f'is the force "{amount:g} N", but the joint "{name}" has no `reference_force`; expected one'
                 self.problems.add(here, f"{text} in the joint")

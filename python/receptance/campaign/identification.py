@@ -21,8 +21,6 @@ from receptance.errors import ReceptanceError
 from receptance.fit import Identification, Tolerance, Unknown, identify, profile_likelihoods
 from receptance.fit.observation import Observation
 from receptance.fit.unknowns import Law, covered
-from receptance.model.joints import PointJoint
-from receptance.model.terminals import ModalPart
 from receptance.report import Column, Provenance, Results, Table
 from receptance.report.table import Cell
 from receptance.units import split
@@ -412,15 +410,16 @@ def joints_to_invert(campaign: CampaignData, joint: str | None = None) -> dict[s
     """Return by name a joint and its FRFs; joints that differ between assemblies are listed for each assembly."""
     unknown = campaign.table.unknowns
     owners = list(dict.fromkeys(a.split(".", 1)[0] for a in unknown if a.split(".", 1)[-1] in TERMS))
-    owners = [name for name in owners if joint is None or name == joint]
+    joints = campaign.table.joints
+    owners = [name for name in owners if name in joints and (joint is None or name == joint)]
     groups: dict[str, tuple[str, dict[str, Observation]]] = {}
     for owner in owners:
         own = [unknown[a] for a in unknown if a.startswith(f"{owner}.")]
         changing = any(one.free or one.power_of or one.individual for one in own)
         for name, one in campaign.to_identify.items():
-            if not one.is_receptance or not isinstance(one.assembly.elements.get(owner), PointJoint):
+            if not one.is_receptance or owner not in one.assembly.elements or joints[owner].kind != "point":
                 continue
-            ends = [name for name, end in one.assembly.elements.items() if isinstance(end, ModalPart)]
+            ends = [name for name in one.assembly.elements if name in campaign.table.modal_parts]
             if any(address.startswith(f"{ends[0]}.") for u in campaign.unknowns for address in u.addresses if ends):
                 raise CampaignError.about(
                     campaign.file,

@@ -84,7 +84,7 @@ def attachment_table(point: PointMass | GroundSpring | Resonator) -> dict[str, A
     ValueError
         The ground spring is distributed along a part.
     """
-    if isinstance(point, GroundSpring) and point.length:
+    if getattr(point, "length", 0.0):
         raise ValueError(f"{point!r} is distributed along a part and cannot be written as a table of a campaign")
     place = {"kind": ATTACHMENTS.kind_of(point), "part": point.part, "position": _POSITION.write(point.position)}
     return {**place, **_field_table(point, _Materials())}
