@@ -358,7 +358,9 @@ class Builder:
             assembly = self.make((*path, "attachments"), with_attached, assembly, *points)
         if assembly is None or response is None:
             return None
-        return (assembly if sensor is None else with_sensor(assembly, sensor, response)), response
+        if sensor is not None:
+            assembly = with_attached(assembly, replace(sensor, part=response.part, position=response.position))
+        return assembly, response
 
     def at_level(
         self, path: KeyPath, level: tuple[float, bool] | None, assembly: Assembly, campaign: CampaignTable
@@ -431,11 +433,6 @@ def _written_numbers(campaign: CampaignTable) -> dict[str, float]:
 def addresses_of(unknown: Unknown) -> tuple[str, ...]:
     """Return the addresses of an unknown; a `Move` has none of its own."""
     return () if isinstance(unknown, Move) else unknown.addresses
-
-
-def with_sensor(assembly: Assembly, sensor: PointMass, at: Coordinate) -> Assembly:
-    """Return the assembly with the mass of a sensor at a coordinate."""
-    return with_attached(assembly, replace(sensor, part=at.part, position=at.position))
 
 
 def with_attached(assembly: Assembly, *points: PointMass | GroundSpring | Resonator) -> Assembly:

@@ -44,6 +44,16 @@ class CampaignCut:
     spread: dict[str, float] = field(default_factory=dict)
     """Standard deviations of the logarithms of the coefficients."""
 
+    @property
+    def tips(self) -> tuple[Tip, ...]:
+        """Tips that are not rigid."""
+        return (self.x,) if self.y is None else (self.x, self.y)
+
+    @property
+    def is_predicted(self) -> bool:
+        """Whether a tip is that of an assembly."""
+        return any(tip.assembly for tip in self.tips)
+
     def label(self, lobes: Lobes) -> Lobes:
         """Return lobes with the name, the tips and the coefficients of this cut."""
         tips = {"x": self.x.name, "y": None if self.y is None else self.y.name}

@@ -18,7 +18,7 @@ from receptance.campaign.cuts import CampaignCut, build_cut
 from receptance.campaign.keys import OWNERS, WRONG, NamedTables, Place
 from receptance.campaign.measurements import MeasurementReader, note_repeated
 from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems
-from receptance.campaign.schema import CampaignTable
+from receptance.campaign.schema import CampaignTable, SeriesTable
 from receptance.campaign.tolerances import tolerances_of_assembly
 from receptance.errors import warn_user
 from receptance.fit.observation import Observation
@@ -313,27 +313,29 @@ def expand_series(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
         for path in templates:
             problems.add(path, f"has {LEVEL} in its name, but the file has no `series`, expected one with `levels`")
         return _without(data, templates, problems)
-    levels = series.get("levels") if isinstance(series, dict) else None
-    over = series.get("over") if isinstance(series, dict) else None
-    if not isinstance(over, str) or not isinstance(levels, list) or not all(map(_is_level, levels)) or not levels:
-        return _without(data, templates, problems)  # the validation of the table reports the mistake
+    place, keys = Place(Problems(), {}, frozenset(), None), SeriesTable.keys()
+    values = place.keys(keys, series) if isinstance(series, dict) else {}
+    levels, over = values.get("levels", WRONG), values.get("over", WRONG)
+    if levels is WRONG or over is WRONG:
+        return _without(data, templates, problems)  # the reading of all tables reports the mistake
     names = [_level_text(level) for level in levels]
-    if not templates and not _conditioned(data, over):
+    assemblies = (one for one in _section(data, "assemblies").values() if isinstance(one, dict))
+    if not templates and not any(over in _section(one, "conditions") for one in assemblies):
         text = f"is not used: no assembly or measurement has {LEVEL} in its name, and no assembly has the condition"
         problems.add(("series",), f"{text} {shown(over)}")
     for index, name in enumerate(names):
         if name in names[:index]:
             problems.add(("series", "levels", index), f"is {shown(levels[index])} for the second time")
     _check_units(levels, problems)
-    out = series.get("hold_out", [])
-    held = [_level_text(level) for level in out if _is_level(level)] if isinstance(out, list) else []
+    out = values.get("hold_out", WRONG)
+    held = [] if out is WRONG else [_level_text(level) for level in out]
     for index, name in enumerate(held):
         if name not in names:
             text = f"is {shown(name)}, which is not one of the levels{did_you_mean(name, names)}"
             problems.add(("series", "hold_out", index), text)
     found = data | {section: dict(data[section]) for section, _ in templates}
     for section, template in templates:
-        table = found[section].pop(template)
+        contents = found[section].pop(template)
         for name in dict.fromkeys(names):
             own = _substitute_level(template, name)
             if own in found[section]:
@@ -341,16 +343,9 @@ def expand_series(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
                     (section, template), f"becomes {shown(own)} at a level, which is the name of another table"
                 )
                 continue
-            found[section][own] = _table_at_level(section, table, name, over, name in held)
+            found[section][own] = _table_at_level(section, contents, name, over, name in held)
             problems.templates[section, own] = (section, template)
     return found
-
-
-def _conditioned(data: Mapping[str, Any], over: str) -> bool:
-    """Return whether an assembly has the condition, without a template."""
-    return any(
-        over in _section(one, "conditions") for one in _section(data, "assemblies").values() if isinstance(one, dict)
-    )
 
 
 def _check_units(levels: list[Any], problems: Problems) -> None:
@@ -395,10 +390,6 @@ def _substituted(thing: Any, level: str) -> Any:
 def _substitute_level(text: str, level: str) -> str:
     number = _NUMBER.match(level)
     return text.replace(LEVEL, level).replace(_VALUE, number[1] if number else level)
-
-
-def _is_level(level: Any) -> bool:
-    return isinstance(level, (str, int, float)) and not isinstance(level, bool)
 
 
 def _level_text(level: Any) -> str:

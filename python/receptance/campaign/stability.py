@@ -215,8 +215,7 @@ def stability_of_campaign(
     chosen = campaign.select_cuts(cuts)
     settings = campaign.table.stability
     speeds = campaign.spindle_speeds()
-    predicted = any(tip is not None and tip.assembly for cut in chosen for tip in (cut.x, cut.y))
-    if not predicted:
+    if not any(cut.is_predicted for cut in chosen):
         identified = None
     elif identified is None and campaign.unknowns:
         identified = identify_campaign(campaign)
@@ -228,17 +227,11 @@ def stability_of_campaign(
         with errors_about(campaign.file, f"cuts.{cut.name}: "):
             tips = Tips(campaign, identified, directions)
             lobes = _lobes(campaign, cut, tips, speeds)
-            rejection = (*_rejection_of_fit(cut, identified), *lobes.rejection)
-            found[cut.name] = replace(lobes, rejection=rejection, provenance=provenance)
+            of_fit = identified.rejection if identified is not None and cut.is_predicted else ()
+            found[cut.name] = replace(lobes, rejection=(*of_fit, *lobes.rejection), provenance=provenance)
     notes = [*(campaign.notes if identified is None else identified.notes)]
     notes += [f"{name}: {note}" for name, one in found.items() for note in one.notes]
     return Stability(found, identified=identified, provenance=provenance, notes=notes)
-
-
-def _rejection_of_fit(cut: CampaignCut, identified: Identification | None) -> tuple[str, ...]:
-    """Return the rejection of the fit if it predicts a tip of a cut."""
-    predicted = any(tip is not None and tip.assembly for tip in (cut.x, cut.y))
-    return identified.rejection if predicted and identified is not None else ()
 
 
 def _lobes(campaign: CampaignData, cut: CampaignCut, tips: Tips, speeds: NDArray[np.float64]) -> Lobes:

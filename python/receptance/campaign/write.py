@@ -211,7 +211,10 @@ def _extended(campaign: CampaignData, verdict: Verdict, folder: Path) -> dict[st
     }
     assemblies = {name: _of_assembly(campaign, base, explanation, name) for name in campaign.assemblies}
     _write_structure(data, campaign, assemblies, {a for u in explanation.fit.model.unknowns for a in addresses_of(u)})
-    end = _early_end(campaign, explanation)
+    # The end of truncated records, if a cause has identified it from all of them together.
+    before = {name: observation.ends for name, observation in campaign.measurements.items()}
+    ends = (one.ends for one in explanation.fit.model.receptances if one.ends != before[one.label])
+    end = max((end for end in ends if end is not None), default=None)
     seen = {observation.label for observation in base.observations}
     for name, measurement in measured.items():
         _write_measurement(data, name, measurement, name in seen)
@@ -235,13 +238,6 @@ def _extended(campaign: CampaignData, verdict: Verdict, folder: Path) -> dict[st
     data = {key: data[key] for key in (*(k for k in order if k in data), *(k for k in data if k not in order))}
     _check(campaign, explanation.fit, data, folder, with_discrepancy=verdict.discrepancy is not None)
     return data
-
-
-def _early_end(campaign: CampaignData, explanation: Explanation) -> float | None:
-    """Return the end of truncated records, if a cause has identified it from all of them together."""
-    given = {name: observation.ends for name, observation in campaign.measurements.items()}
-    found = explanation.fit.model.receptances
-    return max((one.ends for one in found if one.ends is not None and one.ends != given[one.label]), default=None)
 
 
 def _applied(
