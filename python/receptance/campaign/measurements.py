@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, cast
 
@@ -56,17 +57,14 @@ class MeasurementReader:
         self.campaign, self.builder, self.folder = campaign, builder, folder
         self._tolerances = tolerances
 
-    def measurement(self, name: str) -> Observation | None:
-        """Return a measurement, or None after its mistakes are added."""
+    def measurement(self, name: str) -> Observation:
+        """Return a measurement."""
         table = self.campaign.measurements[name]
         path: KeyPath = ("measurements", name)
         if table.kind == "frf" and table.force is not None and table.level is not None:
             text = "is given with a force, which determines it, expected one of the two"
             self.builder.problems.add((*path, "level"), text)
-        assembled = self.builder.measured(path, table, self.campaign, table.attachments, table.level)
-        if assembled is None:
-            return None
-        assembly, response = assembled
+        assembly, response = self.builder.measured(path, table, self.campaign, table.attachments, table.level)
         if table.kind == "natural frequencies":
             return self._frequencies(path, table, assembly)
         return self._frf(path, table, assembly, response)
@@ -76,14 +74,11 @@ class MeasurementReader:
         table = self.campaign.measurements[name]
         return self._errors(table.assembly, table.sensor, *table.attachments)
 
-    def candidate(self, name: str) -> Candidate | None:
-        """Return a candidate, or None after its mistakes are added."""
+    def candidate(self, name: str) -> Candidate:
+        """Return a candidate."""
         table, path = self.campaign.candidates[name], ("candidates", name)
         make = self.builder.make
-        assembled = self.builder.measured(path, table, self.campaign)
-        if assembled is None:
-            return None
-        assembly, response = assembled
+        assembly, response = self.builder.measured(path, table, self.campaign)
         common = {
             "label": name,
             "assembly": assembly,
@@ -92,14 +87,14 @@ class MeasurementReader:
         }
         if table.kind == "natural frequencies":
             spread = make((*path, "standard_deviation"), _deviations, table, assembly)
-            if spread is None:
-                return None
             observation = make(path, Observation.from_modes, modes=table.modes, standard_deviation_hz=spread, **common)
         else:
-            excitation = self.builder.place((*path, "excitation"), table.excitation, assembly)
-            lines = make(path, _lines, table)
-            if excitation is None or lines is None:
-                return None
+            excitation, lines = self.builder.together(
+                (
+                    partial(self.builder.place, (*path, "excitation"), table.excitation, assembly),
+                    partial(make, path, _lines, table),
+                )
+            )
             observation = make(
                 path,
                 Observation,
@@ -110,8 +105,6 @@ class MeasurementReader:
                 floor=table.floor or 0.0,
                 **common,
             )
-        if observation is None:
-            return None
         errors = self._errors(table.assembly, table.sensor)
         return make(path, Candidate, observation=observation, tolerances=errors, cost=table.cost)
 
@@ -124,33 +117,26 @@ class MeasurementReader:
         known = self._tolerances.get(assembly, ())
         return with_attachments(known, filter(None, points), self.campaign, self.builder.built)
 
-    def _frequencies(self, path: KeyPath, table: FrequenciesTable, assembly: Assembly) -> Observation | None:
-        make = self.builder.make
+    def _frequencies(self, path: KeyPath, table: FrequenciesTable, assembly: Assembly) -> Observation:
+        make, fail = self.builder.make, self.builder.fail
         if (table.file is None) == (table.frequencies is None):
             what = "neither frequencies nor a file" if table.file is None else "frequencies and a file"
-            self.builder.problems.add(path, f"has {what}, expected one of the two")
-            return None
+            fail(path, f"has {what}, expected one of the two")
         if table.file is not None:
             source = (*path, "file")
-            rows = (
-                None if self.builder.problems.at(source) else make(source, read_frequencies, self.folder / table.file)
-            )
-            if rows is None:
-                return None
+            self.builder.require(source)
+            rows = make(source, read_frequencies, self.folder / table.file)
             if table.damping_ratios is not None and rows["damping_ratios"] is not None:
-                text = "has damping ratios and so has the file, expected one of the two"
-                self.builder.problems.add((*path, "damping_ratios"), text)
-                return None
+                fail((*path, "damping_ratios"), "has damping ratios and so has the file, expected one of the two")
             stated = {key: getattr(table, key) for key in rows}
             table = table.with_(**rows | {key: value for key, value in stated.items() if value is not None})
         frequencies, ratios = table.frequencies or [], table.damping_ratios
         if ratios is None and table.damping_deviation is not None:
-            self.builder.problems.add((*path, "damping_ratios"), "has a damping_deviation, but no damping_ratios")
-            return None
-        spread = make((*path, "standard_deviation"), deviations_of, table.standard_deviation, frequencies)
-        of_ratios = make((*path, "damping_deviation"), deviations_of, table.damping_deviation, ratios or [])
-        if any(self.builder.problems.at((*path, key)) for key in ("standard_deviation", "damping_deviation")):
-            return None
+            fail((*path, "damping_ratios"), "has a damping_deviation, but no damping_ratios")
+        spread, of_ratios = self.builder.together(
+            partial(make, (*path, key), deviations_of, getattr(table, key), values)
+            for key, values in (("standard_deviation", frequencies), ("damping_deviation", ratios or []))
+        )
         return make(
             path if table.modes is None else (*path, "modes"),
             Observation.from_modes,
@@ -167,26 +153,18 @@ class MeasurementReader:
 
     def _frf(
         self, path: KeyPath, table: FRFTable | HammerTable, assembly: Assembly, response: Coordinate
-    ) -> Observation | None:
+    ) -> Observation:
         make = self.builder.make
         excitation = self.builder.place((*path, "excitation"), table.excitation, assembly)
-        there = not any(self.builder.problems.at((*path, key)) for key in ("file", "coherence"))
-        if excitation is None or not there:
-            return None
-        found: FRF | None
+        self.builder.require((*path, "file"), (*path, "coherence"))
         if table.kind == "hammer records":
             records = make((*path, "file"), read_records, table, self.folder)
-            found = None if records is None else make(path, estimate_hammer_frf, records, table)
+            frf = make(path, estimate_hammer_frf, records, table)
         else:
-            found = make((*path, "file"), read_entry, table, self.folder)
-        if found is None:
-            return None
-        frf = make(path, with_places, found, table, response, excitation, str(path[-1]))
-        if frf is None:
-            return None
-        place: KeyPath = path if table.bands is None else (*path, "bands")
-        observation = make(place, self._observed, frf, table, assembly)
-        for note in () if observation is None else observation.notes:
+            frf = make((*path, "file"), read_entry, table, self.folder)
+        frf = make(path, with_places, frf, table, response, excitation, str(path[-1]))
+        observation = make(path if table.bands is None else (*path, "bands"), self._observed, frf, table, assembly)
+        for note in observation.notes:
             self.builder.note(path, note)
         return observation
 

@@ -6,6 +6,7 @@ import math
 import re
 import tomllib
 from collections.abc import Callable, Mapping
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from receptance.errors import warn_user
 from receptance.fit.observation import Observation
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
+from receptance.predict import Candidate
 from receptance.units import parse_any
 
 FILE = "campaign.toml"
@@ -74,15 +76,15 @@ def campaign_fields(
     measurements: dict[str, Observation] = {}
     for name in table.measurements:
         say(f"reading {name}, {len(measurements) + 1} of {len(table.measurements)}")
-        measured = reader.measurement(name)
-        if measured is not None:
-            measurements[name] = measured
+        builder.store(measurements, name, reader.measurement, name)
     note_repeated(measurements, table, builder)
-    possible = {name: reader.candidate(name) for name in table.candidates}
+    candidates: dict[str, Candidate] = {}
+    for name in table.candidates:
+        builder.store(candidates, name, reader.candidate, name)
     places = _places(table, built, builder)
-    cuts: dict[str, CampaignCut | None] = {}
-    if table.cuts:
-        cuts = {name: build_cut(name, reader, measurements) for name in table.cuts}
+    cuts: dict[str, CampaignCut] = {}
+    for name in table.cuts:
+        builder.store(cuts, name, build_cut, name, reader, measurements)
     _check_stability(table, problems)
     _check_weights(measurements, table, problems)
     if not problems.found:
@@ -100,8 +102,8 @@ def campaign_fields(
         "unknowns": tuple(built.unknowns.values()),
         "tolerances": tolerances,
         "places": places,
-        "candidates": {name: one for name, one in possible.items() if one is not None},
-        "cuts": {name: cut for name, cut in cuts.items() if cut is not None},
+        "candidates": candidates,
+        "cuts": cuts,
         "built": built,
         "contents": data,
         "templates": {
@@ -121,12 +123,10 @@ def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
     data = tomllib.loads(text)
     problems = Problems(text)
     table, builder, _ = _build(expand_series(data, problems), problems, None)
-    found = {}
+    found: dict[str, tuple[Assembly, Coordinate]] = {}
     for name, measurement in table.measurements.items():
-        path = ("measurements", name)
-        assembled = builder.measured(path, measurement, table, measurement.attachments, measurement.level)
-        if assembled is not None:
-            found[name] = assembled
+        of = (("measurements", name), measurement, table, measurement.attachments, measurement.level)
+        builder.store(found, name, builder.measured, *of)
     if problems.found:
         raise CampaignError("the campaign", problems.in_file())
     return found
@@ -233,12 +233,17 @@ def _places(table: CampaignTable, built: Built, builder: Builder) -> dict[str, t
     """Return response and excitation at which assemblies without measurements are predicted."""
     measured = {measurement.assembly for measurement in table.measurements.values()}
     found: dict[str, tuple[Coordinate, Coordinate]] = {}
+
+    def places(assembly: Assembly) -> tuple[Coordinate, Coordinate]:
+        sides = ("response", "excitation")
+        response, excitation = builder.together(
+            partial(builder.place, ("prediction", side), getattr(table.prediction, side), assembly) for side in sides
+        )
+        return response, excitation
+
     for name, assembly in built.assemblies.items():
         if name not in measured:
-            response = builder.place(("prediction", "response"), table.prediction.response, assembly)
-            excitation = builder.place(("prediction", "excitation"), table.prediction.excitation, assembly)
-            if response is not None and excitation is not None:
-                found[name] = (response, excitation)
+            builder.store(found, name, places, assembly)
     return found
 
 
