@@ -284,11 +284,12 @@ def value_of_unknown(doc: str) -> Field[float]:
 
 def value_at_address() -> Field[float]:
     """Declare the value of the parameter whose address is the key."""
-    return Value(
-        "",
-        lambda written, place: parse(plain().read(written, place), kind_of(str(place.path[-1]))),
-        {"anyOf": PLAIN},
-    )
+
+    def read(written: Any, place: Place) -> float:
+        quantity = kind_of(str(place.path[-1]))
+        return parse(plain().read(written, place), quantity)
+
+    return Value("", read, {"anyOf": PLAIN})
 
 
 def deviation_at_address() -> Field[Deviation]:
