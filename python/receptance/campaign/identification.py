@@ -80,8 +80,7 @@ def fit_inputs(campaign: CampaignData) -> tuple[list[Unknown], list[str], list[T
     seen = campaign.to_identify
     check_unknowns(campaign)
     if not seen:
-        text = 'there is no measurement for identification, expected one with the role "identify"'
-        raise CampaignError.about(campaign.file, text)
+        raise campaign.error('there is no measurement for identification, expected one with the role "identify"')
     unknowns, left_out = observed_unknowns(campaign, seen)
     return unknowns, left_out, weighted_tolerances(campaign, seen)
 
@@ -90,15 +89,16 @@ def transfer_errors(campaign: CampaignData) -> list[Tolerance]:
     """Return the errors of all measurements, whose assemblies a transfer predicts; raise if it cannot."""
     check_unknowns(campaign)
     if len({observation.configuration for observation in campaign.measurements.values()}) < 2:
-        text = "fewer than two assemblies were measured, expected at least two, to predict one from the others"
-        raise CampaignError.about(campaign.file, text)
+        raise campaign.error(
+            "fewer than two assemblies were measured, expected at least two, to predict one from the others"
+        )
     return weighted_tolerances(campaign, campaign.measurements)
 
 
 def check_unknowns(campaign: CampaignData) -> None:
     """Raise if there are no unknowns."""
     if not campaign.unknowns:
-        raise CampaignError.about(campaign.file, "there are no unknowns, expected `unknowns`")
+        raise campaign.error("there are no unknowns, expected `unknowns`")
 
 
 def fit_options(
@@ -159,16 +159,11 @@ def weighted_tolerances(campaign: CampaignData, seen: Mapping[str, Observation])
     if not tolerances:
         return []
     if campaign.table.settings.objective == "percentage":
-        raise CampaignError(
-            campaign.file,
-            [
-                Issue(
-                    ("settings", "objective"),
-                    'is "percentage", which has no likelihood, so that errors of dimensions and materials cannot be '
-                    'fitted; expected "log", or no tolerances',
-                )
-            ],
+        text = (
+            'is "percentage", which has no likelihood, so that errors of dimensions and materials cannot be fitted; '
+            'expected "log", or no tolerances'
         )
+        raise campaign.error(text, "settings", "objective")
     unweighted = [name for name, measured in seen.items() if not measured.weighted]
     if unweighted:
         expected = (
@@ -190,7 +185,7 @@ def observed_unknowns(campaign: CampaignData, seen: Mapping[str, Observation]) -
         else:
             notes.append(f"{unknown.address} is not identified: no measurement of its assemblies is for identification")
     if not kept:
-        raise CampaignError.about(campaign.file, "no measurement for identification depends on an unknown")
+        raise campaign.error("no measurement for identification depends on an unknown")
     return kept, notes
 
 
@@ -421,8 +416,7 @@ def joints_to_invert(campaign: CampaignData, joint: str | None = None) -> dict[s
                 continue
             ends = [name for name in one.assembly.elements if name in campaign.table.modal_parts]
             if any(address.startswith(f"{ends[0]}.") for u in campaign.unknowns for address in u.addresses if ends):
-                raise CampaignError.about(
-                    campaign.file,
+                raise campaign.error(
                     f"{ends[0]}, the modal part behind {owner}, has unknowns, but inverse coupling needs its "
                     "receptance; identify the campaign instead, or write the identified modes into the file "
                     "and remove them from the unknowns",
@@ -431,7 +425,5 @@ def joints_to_invert(campaign: CampaignData, joint: str | None = None) -> dict[s
             groups.setdefault(title, (owner, {}))[1][name] = one
     if not groups:
         which = "point joint" if joint is None else f'joint "{joint}"'
-        raise CampaignError.about(
-            campaign.file, f"no {which} with unknown stiffnesses was measured with an FRF for identification"
-        )
+        raise campaign.error(f"no {which} with unknown stiffnesses was measured with an FRF for identification")
     return groups

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import identify_campaign
-from receptance.campaign.problems import CampaignError, Issue, errors_about
+from receptance.campaign.problems import CampaignError, errors_about
 from receptance.fit import Identification, PredictedMode, Scatter, Tolerance
 from receptance.fit.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.fit.parameters import Site
@@ -221,8 +221,9 @@ def predict_campaign(campaign: CampaignData, identified: Identification | None) 
     """Predict held-out measurements and assemblies without measurements; see `Campaign.predict`."""
     held_out, unmeasured = campaign.held_out, campaign.unmeasured
     if not held_out and not unmeasured:
-        text = 'there is nothing to predict, expected a measurement with the role "hold out" or an assembly without one'
-        raise CampaignError.about(campaign.file, text)
+        raise campaign.error(
+            'there is nothing to predict, expected a measurement with the role "hold out" or an assembly without one'
+        )
     if identified is None and campaign.unknowns:
         identified = identify_campaign(campaign)
     notes = list(campaign.notes if identified is None else identified.notes)
@@ -253,7 +254,7 @@ def predict_campaign(campaign: CampaignData, identified: Identification | None) 
                 modes = predicted.observed_modes(measured)
                 frequencies.append(replace(modes, name=name, assembly=measured.configuration))
     if not frequencies and not frfs:
-        raise CampaignError.about(campaign.file, "; ".join(reasons.values()))
+        raise campaign.error("; ".join(reasons.values()))
     notes += [f"not predicted: {reason}" for reason in reasons.values()]
     wide = [frf.name for frf in frfs if np.nanmax(frf.scatter.total) > _WIDE]
     if wide:
@@ -296,7 +297,7 @@ def predict_assembly(
     try:
         predicted = identified.predictor.at(site, tolerances, threads)
     except ValueError as error:
-        raise CampaignError.about(campaign.file, f"{name} cannot be predicted: {error}") from None
+        raise campaign.error(f"{name} cannot be predicted: {error}") from None
     identifiable = {address for unknown in identified.task.parameters.given for address in unknown.addresses}
     if not any(covered(address, site.assembly) for address in identifiable):
         notes.append(f"{name}: the assembly has none of the identified parameters")
@@ -332,15 +333,13 @@ def prediction_lines(campaign: CampaignData, assembly: Assembly) -> NDArray[np.f
     settings = campaign.table.prediction
     upper = campaign.highest_frequency
     if upper is None:
-        raise CampaignError.about(
-            campaign.file, "the highest frequency of predictions is not given, expected `prediction.upper`"
-        )
+        raise campaign.error("the highest frequency of predictions is not given, expected `prediction.upper`")
     try:
         modes = assembly.natural_frequencies(upper) if assembly.countable else np.empty(0)
     except ValueError as error:
         expected = f"expected one near those of the measurements, or other sizes of {', '.join(assembly.elements)}"
-        problem = Issue(("prediction", "upper"), f"is {upper:g} Hz for predictions: {error}; {expected}")
-        raise CampaignError(campaign.file, [problem]) from None
+        text = f"is {upper:g} Hz for predictions: {error}; {expected}"
+        raise campaign.error(text, "prediction", "upper") from None
     lower = settings.lower if settings.lower is not None else 0.1 * float(modes[0] if modes.size else upper)
     return lines_between(campaign, lower, upper, _LINES)
 
@@ -349,11 +348,13 @@ def lines_between(campaign: CampaignData, lower: float, upper: float, steps: int
     """Return the lines in Hz between two limits, `steps` steps without `prediction.step`."""
     settings = campaign.table.prediction
     if lower >= upper:
-        text = f"predictions are from {lower:g} to {upper:g} Hz, expected `lower` below `upper` in `prediction`"
-        raise CampaignError.about(campaign.file, text)
+        raise campaign.error(
+            f"predictions are from {lower:g} to {upper:g} Hz, expected `lower` below `upper` in `prediction`"
+        )
     step = settings.step if settings.step is not None else (upper - lower) / steps
     count = int((upper - lower) / step * (1.0 + 1e-12)) + 1
     if count > _MOST_LINES:
-        text = f"predictions have {count} lines, expected at most {_MOST_LINES}; give a larger `prediction.step`"
-        raise CampaignError.about(campaign.file, text)
+        raise campaign.error(
+            f"predictions have {count} lines, expected at most {_MOST_LINES}; give a larger `prediction.step`"
+        )
     return lower + step * np.arange(count, dtype=np.float64)

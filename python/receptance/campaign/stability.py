@@ -17,7 +17,7 @@ from receptance.campaign.cuts import CampaignCut, Tip
 from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import identify_campaign
 from receptance.campaign.prediction import predict_assembly, prediction_lines
-from receptance.campaign.problems import CampaignError, errors_about
+from receptance.campaign.problems import errors_about
 from receptance.diagnosis import HeldOut, Metric
 from receptance.fit import Identification, Observation
 from receptance.fit.predictor import PredictedAssembly
@@ -295,15 +295,15 @@ def named_metrics(campaign: CampaignData, names: Sequence[str]) -> dict[str, Met
     found: dict[str, Metric] = {}
     for name in names:
         if name not in _METRICS:
-            text = f'there is no metric "{name}"; there are {", ".join(_METRICS)}{did_you_mean(name, _METRICS)}'
-            raise CampaignError.about(campaign.file, text)
+            raise campaign.error(
+                f'there is no metric "{name}"; there are {", ".join(_METRICS)}{did_you_mean(name, _METRICS)}'
+            )
         if not campaign.cuts:
-            text = f"there is no cut for the metric {name}, expected [cuts.NAME]"
-            raise CampaignError.about(campaign.file, text)
+            raise campaign.error(f"there is no cut for the metric {name}, expected [cuts.NAME]")
         if not any(_is_tip_receptance(observation) for observation in campaign.measurements.values()):
             text = f"no measurement can be used for {name}, expected an FRF with response and excitation at one place, "
             text += "both along y"
-            raise CampaignError.about(campaign.file, text)
+            raise campaign.error(text)
         for cut in campaign.cuts.values():
             found[f"stable depth of {cut.name}, error in percent"] = partial(_error_of_depth, cut)
     return found
