@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+from pathlib import Path
 from unittest.mock import patch
 
 import pytest
@@ -23,7 +24,14 @@ main()
 """
 
 
+PNG = b"\x89PNG\r\n\x1a\n"
+"""First bytes of a figure."""
 _built = functools.cache(typer.main.get_command)
+
+
+def left() -> set[str]:
+    """Return the names in the current folder."""
+    return {path.name for path in Path().iterdir()}
 
 
 def call(*arguments: object) -> int:

@@ -150,3 +150,9 @@ def given_threads(monkeypatch: pytest.MonkeyPatch) -> set[object]:
 
     monkeypatch.setattr(_checks, "thread_count", recorded)
     return given
+
+
+@pytest.fixture
+def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run a test in an empty folder."""
+    monkeypatch.chdir(tmp_path)

@@ -32,8 +32,8 @@ def test_the_json_has_errors_and_profiles(tmp_path, text):
 @pytest.mark.parametrize(
     ("extra", "words"),
     [
-        (', power_of = "torque"', "no `reference`"),
-        (', reference = "135 N m"', "no `power_of`"),
+        (', power_of = "torque"', "power_of: is given without `reference`"),
+        (', reference = "135 N m"', "reference: is given without `power_of`"),
         (', power_of = "torque", reference = "0 N m"', "reference is 0"),
         (', free = true, individual = "5 %"', "one of the two"),
         (", follows = {'joint.k_ytheta' = 0.5}", "is given without `power_of` and `individual`"),

@@ -53,7 +53,7 @@ def mistakes(folder: Path, text: str) -> CampaignError:
         (
             'standard_deviation = "2 Hz"',
             'standard_deviation = ["2 Hz"]',
-            "is a list of 1, expected one text for all or 2",
+            "is a list of 1, expected one for all or 2",
         ),
         ('standard_deviation = "2 Hz"', "modes = [1, 2, 3]", "there are 3 modes for 2 frequencies"),
         ('"joint.k_y" = {', '"joint.k_z" = {', 'unknowns."joint.k_z": names an unknown quantity "k_z"'),

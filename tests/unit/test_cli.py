@@ -20,7 +20,7 @@ from rich.text import Text
 
 import foreign_beam
 from campaign_text import write
-from command_line import call
+from command_line import PNG, call, left
 from limits import LIMIT_S
 from receptance import FRF, _core, _files, io
 from receptance._files import check_target, write_whole
@@ -29,16 +29,7 @@ from receptance.cli import app as command_line
 from receptance.cli import running
 from receptance.examples import EXAMPLES
 
-PNG = b"\x89PNG\r\n\x1a\n"
-
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
-def left() -> set[str]:
-    return {path.name for path in Path().iterdir()}
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def test_demo_in_an_empty_folder(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -90,7 +81,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["dmo"], "dmo"),
+        (["dmo"], 'there is no command "dmo", expected one of "demo"'),
         (["demo", "--jsn", "a"], "--jsn"),
         (["identify", "a.toml", "--seed", "-1"], "--seed"),
         (["sweep", "a.toml", "--sample", "many"], "--sample"),

@@ -14,19 +14,10 @@ from pathlib import Path
 import pytest
 
 from campaign_text import TEXT, changed, write
-from command_line import call, interrupted
+from command_line import PNG, call, interrupted, left
 from limits import LIMIT_S
 
-PNG = b"\x89PNG\r\n\x1a\n"
-
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
-def left() -> set[str]:
-    return {path.name for path in Path().iterdir()}
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def test_example_from_creation_to_prediction(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,13 +15,10 @@ from receptance.cli.files import convert
 from receptance.cli.running import InputError
 from receptance.io import TimeSeries, read, read_all, read_frf, write
 
+pytestmark = pytest.mark.usefixtures("empty_folder")
+
 app = typer.Typer(add_completion=False)
 app.command()(convert)
-
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def call(*arguments: str) -> None:

@@ -22,6 +22,8 @@ from receptance import FRF, campaign, io
 from receptance.campaign.write import with_campaign_lines
 from receptance.units import Form
 
+pytestmark = pytest.mark.usefixtures("empty_folder")
+
 LINES = np.linspace(300.0, 6000.0, 160)
 HEAD = TEXT.partition("[measurements.short]")[0]
 MEASURED = """
@@ -43,11 +45,6 @@ profiles = false
 "joint.c_theta" = { lower = "1e-3 N m s/rad", upper = "1e2 N m s/rad" }
 """
 JOINT = {"joint.k_y": 5e8, "joint.k_theta": 1e5, "joint.c_y": 200.0, "joint.c_theta": 0.5}
-
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def simulated(factor: float, *, derivatives: int = 0, output: Form = "receptance") -> None:

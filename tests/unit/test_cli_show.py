@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from command_line import call
+from command_line import PNG, call, left
 from receptance import FRF, _files, campaign, examples
 from receptance.cli import files as module
 from receptance.io import Coherence, TimeSeries, write
 
-PNG = b"\x89PNG\r\n\x1a\n"
 GERMAN = "Messung;7\nFrequenz [Hz];Real [g/N];Imag [g/N];Coh\n" + "".join(
     f"{f};{1 + f / 100:.3f};-0.5;0.99\n".replace(".", ",") for f in range(10, 60)
 )
@@ -24,10 +23,6 @@ GERMAN = "Messung;7\nFrequenz [Hz];Real [g/N];Imag [g/N];Coh\n" + "".join(
 def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "80")
-
-
-def left() -> set[str]:
-    return {path.name for path in Path().iterdir()}
 
 
 def test_show_prints_what_was_understood(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import MISSING, replace
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -22,7 +22,7 @@ from receptance import (
     Segment,
     SpreadJoint,
 )
-from receptance.campaign.keys import ElementOf
+from receptance.campaign.keys import element_keys
 from receptance.model.fields import Element, Member, Number
 
 SHANK = Section(outer_diameter=0.012, inner_diameter=0.004, material=CARBIDE, core=STEEL)
@@ -97,11 +97,11 @@ def test_every_field_is_documented_where_the_class_is(element: Element) -> None:
 
 @pytest.mark.parametrize("element", ELEMENTS, ids=NAMES)
 def test_a_campaign_has_the_same_keys(element: Element) -> None:
-    table = ElementOf(type(element))
+    table = element_keys(type(element))
     expected = [name for name in element.declared if name != "name"] + ["tolerance"] * element.toleranced
     assert list(table.declared) == expected
     for name, field in element.declared.items():
         if isinstance(field, Member) or name == "name":
             continue
         assert table.declared[name].doc == field.doc
-        assert (table.default_of(name) is MISSING) == (not hasattr(type(element), name))
+        assert (name in table.defaults) == hasattr(type(element), name)

@@ -215,7 +215,7 @@ def test_a_campaign_is_identified_with_them(tmp_path: Path) -> None:
         ('"1.2 %", "unknown"', '"1.2 Hz", "unknown"', "expected a damping ratio such as"),
         ('damping_deviation = "5 %"', "", "give both, or neither"),
         ('damping_ratios = ["1.2 %", "unknown"]\n', "", "has a damping_deviation, but no damping_ratios"),
-        ('"5 %"', '["5 %"]', "has 1 damping deviations"),
+        ('"5 %"', '["5 %"]', "damping_deviation: is a list of 1, expected one for all or 2"),
     ],
 )
 def test_mistakes_of_a_campaign(tmp_path: Path, old: str, new: str, output: str) -> None:

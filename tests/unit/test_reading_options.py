@@ -17,13 +17,10 @@ from receptance.cli.files import convert, show
 from receptance.cli.new import new
 from receptance.io import TimeSeries, read, read_frf, write
 
+pytestmark = pytest.mark.usefixtures("empty_folder")
+
 LINES = np.arange(10.0, 2000.0, 10.0)
 RIGHT = FRF(frequency_hz=LINES, values=1e-6 / (1.0 - (LINES / 800.0) ** 2 + 0.04j * LINES / 800.0))
-
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize("command", [show, convert, new])

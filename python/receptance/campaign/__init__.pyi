@@ -1,6 +1,5 @@
 from . import comparison as comparison
 from . import diagnosis as diagnosis
-from . import inversion as inversion
 from . import next_measurement as next_measurement
 from . import prediction as prediction
 from . import stability as stability

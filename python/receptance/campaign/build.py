@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, TypeVar
+from functools import partial
+from typing import Any, Literal, NoReturn, TypeVar
 
 from receptance import coupling
 from receptance._text import did_you_mean, instead_of, one_of
-from receptance.campaign.keys import ElementOf, ElementTable
+from receptance.campaign.keys import ElementTable
 from receptance.campaign.problems import CampaignError, KeyPath, Problems, path_text
 from receptance.campaign.schema import (
     ATTACHMENTS,
@@ -19,6 +21,7 @@ from receptance.campaign.schema import (
     CandidateTable,
     CoordinateTable,
     MeasurementTable,
+    PartTable,
     UnknownTable,
 )
 from receptance.campaign.values import PLAIN_NUMBER, kind_of, prior_of
@@ -37,7 +40,7 @@ from receptance.model.terminals import RESIDUALS, ModalPart, Mode
 AnyJoint = PointJoint | SpreadJoint | ColletJoint | MicroslipJoint
 _KINDS = (
     *(kind.__name__ for kind in (Material, Part, Segment, ModalPart, Mode, Assembly, Unknown)),
-    *(of.element.__name__ for of in (*JOINTS.choices, *ATTACHMENTS.choices) if isinstance(of, ElementOf)),
+    *(keys.element.__name__ for keys in (*JOINTS.choices, *ATTACHMENTS.choices) if keys.element is not None),
     "Section",
     "Candidate",
     "Observation",
@@ -45,7 +48,17 @@ _KINDS = (
     "Turning",
 )
 """Classes whose error messages begin with their name; the path in the file replaces it."""
-_LAW = ("power_of", "free", "individual")
+_WITHOUT_MOVES = ("multiple", "also", "free", "individual", "follows", "exponent")
+"""Keys of an unknown that cannot stand beside `moves`."""
+_NEEDED = {
+    "relative": ("moves",),
+    "along": ("free",),
+    "power_of": ("reference",),
+    "reference": ("power_of",),
+    "exponent": ("power_of",),
+    "follows": ("power_of", "individual"),
+}
+"""Keys of an unknown that depend on another one."""
 _PROVISIONAL_HZ = 1000.0
 """Natural frequency of a mode before its start value is estimated from the measured FRFs."""
 _Made = TypeVar("_Made")
@@ -65,8 +78,15 @@ class Built:
     assemblies: dict[str, Assembly] = field(default_factory=dict)
 
 
+class Mistake(Exception):  # noqa: N818
+    """Ends the construction of an object after its mistakes were added, or those of an object that it needs."""
+
+
 class Builder:
-    """Builds objects from tables; mistakes are collected as `problems`, and warnings as `notes` and `warnings`."""
+    """Builds objects from tables; mistakes are collected as `problems`, and warnings as `notes` and `warnings`.
+
+    A function that builds an object adds a mistake and raises `Mistake`, which `store` catches.
+    """
 
     def __init__(self, problems: Problems) -> None:
         self.problems = problems
@@ -78,22 +98,49 @@ class Builder:
 
     # Mistakes and notes ----------------------------------------------------------------------------------------------
 
-    def make(self, path: KeyPath, build: Callable[..., _Made], /, *arguments: Any, **options: Any) -> _Made | None:
-        """Return the result of a function, or None after its error is added as a mistake."""
+    def make(self, path: KeyPath, build: Callable[..., _Made], /, *arguments: Any, **options: Any) -> _Made:
+        """Return the result of a function; its error is a mistake."""
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             try:
                 made = build(*arguments, **options)
             except CampaignError as error:  # of a table in a file of its own
-                self.problems.add(path, "; ".join(map(str, error.problems)))
-                return None
+                self.fail(path, "; ".join(map(str, error.problems)))
             except (ValueError, TypeError, OSError, ReceptanceError) as error:
-                self.problems.add(path, _without_owner(str(error)))
-                return None
+                self.fail(path, _without_owner(str(error)))
         for warning in caught:
             self.note(path, str(warning.message))
             self.warnings.append(self.notes[-1])
         return made
+
+    def fail(self, path: KeyPath, text: str) -> NoReturn:
+        """Add a mistake that ends the construction of an object."""
+        self.problems.add(path, text)
+        raise Mistake
+
+    def require(self, *paths: KeyPath) -> None:
+        """End the construction of an object if there is a mistake at or below one of the paths."""
+        if any(map(self.problems.at, paths)):
+            raise Mistake
+
+    def together(self, steps: Iterable[Callable[[], Any]]) -> list[Any]:
+        """Return the results of independent steps; all of them are tried before a mistake ends the construction."""
+        made, wrong = [], False
+        for step in steps:
+            try:
+                made.append(step())
+            except Mistake:
+                wrong = True
+        if wrong:
+            raise Mistake
+        return made
+
+    def store(
+        self, objects: dict[str, _Made], name: str, build: Callable[..., _Made], /, *arguments: Any, **options: Any
+    ) -> None:
+        """Add an object with a name, unless it has mistakes."""
+        with suppress(Mistake):
+            objects[name] = build(*arguments, **options)
 
     def note(self, path: KeyPath, text: str) -> None:
         """Add a note; an earlier, more general note that contains its text is removed."""
@@ -108,35 +155,29 @@ class Builder:
         """Build all objects of a campaign that have no mistakes."""
         built = self.built
         for name, table in campaign.materials.items():
-            _store(built.materials, name, self.element(table, ("materials", name), name=name))
+            self.store(built.materials, name, self.element, table, ("materials", name), name=name)
         for name, part in campaign.parts.items():
-            segments = [self.element(row, ("parts", name, "segments", i)) for i, row in enumerate(part.segments)]
-            if None not in segments:
-                made = Part(segments, name=name)
-                if part.rigid:
-                    made = coupling.as_rigid(made)
-                built.parts[name] = made
+            self.store(built.parts, name, self._part, name, part)
         self.numbers = {**_written_numbers(campaign)}
         for address, unknown in campaign.unknowns.items():
-            _store(built.unknowns, address, self._unknown(address, unknown, campaign))
+            self.store(built.unknowns, address, self._unknown, address, unknown, campaign)
             if address in built.unknowns:
                 self.numbers.setdefault(address, built.unknowns[address].start)
         for name in campaign.modal_parts:
-            _store(built.modal_parts, name, self._modal_part(name, campaign))
+            self.store(built.modal_parts, name, self._modal_part, name, campaign)
         for name, joint in campaign.joints.items():
-            _store(built.joints, name, self._joint(name, joint))
+            self.store(built.joints, name, self._joint, name, joint)
         for name, point in campaign.attachments.items():
-            path: KeyPath = ("attachments", name)
-            _store(built.attachments, name, self.element(point, path, name, name=name))
+            self.store(built.attachments, name, self.element, point, ("attachments", name), name, name=name)
         for name, sensor in campaign.sensors.items():
-            _store(built.sensors, name, self.element(sensor, ("sensors", name), name, name=name))
+            self.store(built.sensors, name, self.element, sensor, ("sensors", name), name, name=name)
         for name, assembly in campaign.assemblies.items():
-            _store(built.assemblies, name, self._assembly(name, assembly))
+            self.store(built.assemblies, name, self._assembly, name, assembly)
         self._check_unknowns(campaign)
         return built
 
     def element(self, table: ElementTable, path: KeyPath, address: str = "", **given: Any) -> Any:
-        """Return the element at an address from its table, or None after its mistakes are added.
+        """Return the element at an address from its table.
 
         A missing number has the start of its unknown; fields in `given` are not read from the table.
         """
@@ -150,58 +191,61 @@ class Builder:
                 value = None if value is None else self.built.materials.get(value, STEEL)
             elif isinstance(declared, Member):
                 value = self.element(value, (*path, name), f"{address}.{name}")
-                if value is None:
-                    return None
             elif isinstance(declared, Number) and name not in table.written:
                 value = self.numbers.get(f"{address}.{name}", value)
             values[name] = tuple(value) if isinstance(value, list) else value
         return self.make(path, table.element, **values)
 
-    def _joint(self, name: str, table: ElementTable) -> AnyJoint | None:
+    def _part(self, name: str, table: PartTable) -> Part:
+        rows = enumerate(table.segments)
+        segments = self.together(partial(self.element, row, ("parts", name, "segments", i)) for i, row in rows)
+        made = Part(segments, name=name)
+        return coupling.as_rigid(made) if table.rigid else made
+
+    def _joint(self, name: str, table: ElementTable) -> AnyJoint:
         wrong = [problem.path[1:2] for problem in self.problems.found if problem.path[:1] == ("unknowns",)]
         if any(not key or str(key[0]).startswith(f"{name}.") for key in wrong):
-            return None  # a missing value of the joint is only a consequence of the mistake in the unknown
-        made: AnyJoint | None = self.element(table, ("joints", name), name, name=name)
+            raise Mistake  # a missing value of the joint is only a consequence of the mistake in the unknown
+        made: AnyJoint = self.element(table, ("joints", name), name, name=name)
         return made
 
-    def _modal_part(self, name: str, campaign: CampaignTable) -> ModalPart | None:
+    def _modal_part(self, name: str, campaign: CampaignTable) -> ModalPart:
         table = campaign.modal_parts[name]
         path: KeyPath = ("modal_parts", name)
-        modes = []
-        for index, row in enumerate(table.modes):
+
+        def mode(index: int, row: ElementTable) -> Mode:
             own, here = f"{name}.mode[{index}]", (*path, "modes", index)
             given = {} if row.frequency_hz is not None else {"frequency_hz": _PROVISIONAL_HZ}
             if given and not table.identify and f"{own}.frequency_hz" not in self.built.unknowns:
-                text = "has no frequency_hz, expected one, or `identify = true` for the whole modal part"
-                self.problems.add(here, text)
-                continue
+                self.fail(here, "has no frequency_hz, expected one, or `identify = true` for the whole modal part")
             shapes = [key for key in Mode.columns_of if key.startswith(("y", "theta"))]
             unknown = table.identify or any(f"{own}.{key}" in campaign.unknowns for key in shapes)
             if not unknown and not any(getattr(row, key) for key in shapes):
                 self.problems.add(here, "has no mode shape, expected y or theta, or one of them among the unknowns")
-            modes.append(self.element(row, here, own, **given))
-        if None in modes or len(modes) < len(table.modes):
-            return None
-        made: ModalPart | None = self.element(table, path, name, modes=modes, name=name)
+            made: Mode = self.element(row, here, own, **given)
+            return made
+
+        modes = self.together(partial(mode, index, row) for index, row in enumerate(table.modes))
+        made: ModalPart = self.element(table, path, name, modes=modes, name=name)
         return made
 
     # Unknowns --------------------------------------------------------------------------------------------------------
 
-    def _unknown(self, address: str, table: UnknownTable, campaign: CampaignTable) -> Unknown | None:
+    def _unknown(self, address: str, table: UnknownTable, campaign: CampaignTable) -> Unknown:
         """Return an unknown; without a start in its table it has that of `numbers`, else the middle of its bounds."""
         path: KeyPath = ("unknowns", address)
-        if self.problems.at(path):
-            return None
+        self.require(path)
+        if wrong := _misplaced(table):
+            self.fail((*path, wrong[0]), wrong[1])
         plain = bool(table.moves) or table.multiple is not None
         lower, upper, start = table.lower, table.upper, table.start
         if start is None and not plain:
             start = self.numbers.get(address)
             if start is not None and not lower <= start <= upper:
-                self.problems.add(
-                    path,
-                    f"has bounds that exclude the value {start:g} of the joint, expected wider bounds or another start",
+                text = (
+                    f"has bounds that exclude the value {start:g} of the joint, expected wider bounds or another start"
                 )
-                return None
+                self.fail(path, text)
         fields: dict[str, Any] = {"address": address, "lower": lower, "upper": upper, "start": start}
         fields |= {"scale": table.scale, "name": table.name}
         fields["configurations"] = None if table.assemblies is None else tuple(table.assemblies)
@@ -209,44 +253,20 @@ class Builder:
             logarithmic = table.scale == "log" or (table.scale is None and lower > 0.0 and not table.moves)
             quantity = PLAIN_NUMBER if plain else kind_of(address)
             fields["prior"] = self.make((*path, "prior"), prior_of, quantity, prior.value, prior.spread, logarithmic)
-            if fields["prior"] is None:
-                return None
+        power = {} if table.power_of is None else {"of": table.power_of, "reference": table.reference}
         if table.moves:
-            return self._move(path, table, {**fields, "name": table.name or address})
+            fields |= {"name": table.name or address, "moves": table.moves, "relative": table.relative}
+            return self.make(path, Move, **fields, **power)
         fields |= {"multiple": 1.0 if table.multiple is None else table.multiple, "also": table.also}
-        if wrong := _misplaced(table):
-            self.problems.add((*path, *wrong[:-1]), wrong[-1])
-            return None
-        if not any(getattr(table, key) for key in _LAW):
+        if not (power or table.free or table.individual is not None):
             return self.make(path, Unknown, **fields)
-        if table.power_of is not None:
-            lower, upper = table.exponent or (-4.0, 4.0)
-            power = self._with_reference(path, table, Power, of=table.power_of, lower=lower, upper=upper)
-            if power is None:
-                return None
-            fields["powers"] = (power,)
+        if power:
+            lowest, highest = table.exponent or (-4.0, 4.0)
+            fields["powers"] = self.make(path, Power, **power, lower=lowest, upper=highest)
         if table.free:
             fields["along"] = table.along or (campaign.series.over if campaign.series is not None else "")
         fields |= {"free": table.free, "individual": table.individual or 0.0, "follows": table.follows}
         return self.make(path, Law, **fields)
-
-    def _move(self, path: KeyPath, table: UnknownTable, fields: dict[str, Any]) -> Move | None:
-        for key in ("multiple", "also", "free", "individual", "follows", "exponent"):
-            if getattr(table, key):
-                self.problems.add((*path, key), "is given with `moves`, expected one of the two")
-                return None
-        fields |= {"moves": table.moves, "relative": table.relative}
-        if table.power_of is None:
-            return self.make(path, Move, **fields)
-        return self._with_reference(path, table, Move, of=table.power_of, **fields)
-
-    def _with_reference(
-        self, path: KeyPath, table: UnknownTable, kind: Callable[..., _Made], **fields: Any
-    ) -> _Made | None:
-        if table.reference is None:
-            self.problems.add(path, "has a `power_of` but no `reference`, expected a value of that condition")
-            return None
-        return self.make(path, kind, reference=table.reference, **fields)
 
     def _check_unknowns(self, campaign: CampaignTable) -> None:
         """Check that every unknown is a parameter of some assembly, and that no parameter has two unknowns."""
@@ -281,28 +301,21 @@ class Builder:
 
     # Assemblies ------------------------------------------------------------------------------------------------------
 
-    def _assembly(self, name: str, table: AssemblyTable) -> Assembly | None:
+    def _assembly(self, name: str, table: AssemblyTable) -> Assembly:
         path: KeyPath = ("assemblies", name)
         elements: dict[str, Any] = {**self.built.parts, **self.built.joints, **self.built.modal_parts}
         points = self.built.attachments
         if not elements.keys() >= set(table.chain) or not points.keys() >= set(table.attachments):
-            return None
-        chain = [elements[own] for own in table.chain]
-        for own, element in zip(table.chain, chain, strict=True):
+            raise Mistake
+        chain = [elements[element] for element in table.chain]
+        for joint, element in zip(table.chain, chain, strict=True):
             if isinstance(element, PointJoint):
-                place = ("joints", own)
-                if not self.problems.at(place):
-                    self.make(place, element.check_motion, table.motion)
-                if self.problems.at(place):
-                    return None
-        made = self.make((*path, "chain"), Assembly, chain, motion=table.motion)
-        if made is not None and table.attachments:
+                self.require(("joints", joint))
+                self.make(("joints", joint), element.check_motion, table.motion)
+        assembly = self.make((*path, "chain"), Assembly, chain, motion=table.motion)
+        if table.attachments:
             on = [points[attachment] for attachment in table.attachments]
-            made = self.make((*path, "attachments"), Assembly, chain, on, motion=table.motion)
-        return None if made is None else self._set(path, made, table)
-
-    def _set(self, path: KeyPath, assembly: Assembly, table: AssemblyTable) -> Assembly | None:
-        """Return the assembly with the values of the key `set`."""
+            assembly = self.make((*path, "attachments"), Assembly, chain, on, motion=table.motion)
         for address in table.set:
             here = (*path, "set", address)
             own = covered(address, assembly)
@@ -312,29 +325,24 @@ class Builder:
                 own & covered(a, assembly) for unknown in self.built.unknowns.values() for a in addresses_of(unknown)
             ):
                 self.problems.add(here, "is set here and is among the unknowns, expected one of the two")
-        if self.problems.at((*path, "set")):
-            return None
+        self.require((*path, "set"))
         return self.make((*path, "set"), assembly.replace, table.set) if table.set else assembly
 
-    def place(self, path: KeyPath, table: CoordinateTable, assembly: Assembly) -> Coordinate | None:
-        """Return a coordinate on an assembly, or None after its mistakes are added."""
-        if self.problems.at(path):
-            return None
+    def place(self, path: KeyPath, table: CoordinateTable, assembly: Assembly) -> Coordinate:
+        """Return a coordinate on an assembly."""
+        self.require(path)
         if assembly.motion == "axial" and table.direction.endswith("theta"):
             text = f'is "{table.direction}", but axial motion has no rotation; expected "+y"'
-            self.problems.add((*path, "direction"), text)
-            return None
+            self.fail((*path, "direction"), text)
         parts = assembly.parts
         name = table.part or next(iter(parts))
         if name not in parts:
             text = f'is "{name}", which is not a part of the assembly{instead_of(name, parts)}'
-            self.problems.add((*path, "part"), text)
-            return None
+            self.fail((*path, "part"), text)
         length, position = parts[name].length, table.position
         if position != "end" and position > length * (1.0 + 1e-9):
             text = f'is {1e3 * position:g} mm, expected at most the length {1e3 * length:g} mm of part "{name}"'
-            self.problems.add((*path, "position"), text)
-            return None
+            self.fail((*path, "position"), text)
         direction: Literal["y", "theta"] = "theta" if table.direction.endswith("theta") else "y"
         return Coordinate(name, position, direction)
 
@@ -345,32 +353,30 @@ class Builder:
         campaign: CampaignTable,
         attachments: Sequence[str] = (),
         level: tuple[float, bool] | None = None,
-    ) -> tuple[Assembly, Coordinate] | None:
-        """Return the assembly of a measurement with attachments and sensor, and the response coordinate.
-
-        None after mistakes are added.
-        """
+    ) -> tuple[Assembly, Coordinate]:
+        """Return the assembly of a measurement with attachments and sensor, and the response coordinate."""
         built = self.built
-        assembly = built.assemblies.get(table.assembly)
-        if assembly is not None:
-            assembly = self.at_level(path, level, assembly, campaign)
-        sensor = None if table.sensor is None else built.sensors.get(table.sensor)
-        if assembly is None or (sensor is None and table.sensor is not None):
-            return None
-        if not built.attachments.keys() >= set(attachments):
-            return None
+        if table.assembly not in built.assemblies:
+            raise Mistake
+        assembly = self.at_level(path, level, built.assemblies[table.assembly], campaign)
+        missing = table.sensor is not None and table.sensor not in built.sensors
+        if missing or not built.attachments.keys() >= set(attachments):
+            raise Mistake
         points = [built.attachments[name] for name in attachments]
-        response = self.place((*path, "response"), table.response, assembly)
+        steps: list[Callable[[], Any]] = [partial(self.place, (*path, "response"), table.response, assembly)]
         if points:
-            assembly = self.make((*path, "attachments"), with_attached, assembly, *points)
-        if assembly is None or response is None:
-            return None
-        return (assembly if sensor is None else with_sensor(assembly, sensor, response)), response
+            steps.append(partial(self.make, (*path, "attachments"), with_attached, assembly, *points))
+        response, *attached = self.together(steps)
+        assembly = attached[0] if attached else assembly
+        if table.sensor is not None:
+            sensor = replace(built.sensors[table.sensor], part=response.part, position=response.position)
+            assembly = with_attached(assembly, sensor)
+        return assembly, response
 
     def at_level(
         self, path: KeyPath, level: tuple[float, bool] | None, assembly: Assembly, campaign: CampaignTable
-    ) -> Assembly | None:
-        """Return the assembly with micro-slip joints at the level of a measurement, or None after a mistake is added.
+    ) -> Assembly:
+        """Return the assembly with micro-slip joints at the level of a measurement.
 
         `level` is an amplitude over the reference, or, if its second item is true, a force in N that is divided by the
         `reference_force` of each joint.
@@ -380,39 +386,35 @@ class Builder:
         here = (*path, "level")
         amount, is_force = level
         levels: dict[str, float] = {}
-        joints = {name: of for name, of in assembly.elements.items() if isinstance(of, MicroslipJoint)}
-        for name, joint in joints.items():
-            reference = joint.reference_force
+        for name in assembly.elements:
+            if name not in campaign.joints or campaign.joints[name].kind != "micro-slip":
+                continue
+            reference = campaign.joints[name].reference_force
             if is_force and reference is None:
                 text = f'is the force "{amount:g} N", but the joint "{name}" has no `reference_force`; expected one'
-                self.problems.add(here, f"{text} in the joint")
-                return None
+                self.fail(here, f"{text} in the joint")
             if f"{name}.level" in campaign.unknowns:
-                self.problems.add(here, f"is given and {name}.level is among the unknowns, expected one of the two")
-                return None
+                self.fail(here, f"is given and {name}.level is among the unknowns, expected one of the two")
             levels[f"{name}.level"] = amount / reference if is_force and reference is not None else amount
         if not levels:
-            self.problems.add(here, 'is given, but no joint of the assembly is of the kind "micro-slip"')
-            return None
+            self.fail(here, 'is given, but no joint of the assembly is of the kind "micro-slip"')
         return self.make(here, assembly.replace, levels)
 
 
-def _store(store: dict[str, Any], name: str, made: object) -> None:
-    if made is not None:
-        store[name] = made
-
-
-def _misplaced(table: UnknownTable) -> tuple[str, ...]:
-    """Return key and text of a mistake if a key is given without the one that it depends on."""
-    if table.relative:
-        return "relative", "is given without `moves`, expected both or none"
-    if table.along is not None and not table.free:
-        return "along", "is given without `free`, expected `free = true` as well"
-    if any(getattr(table, key) for key in _LAW):
-        return ()
-    if table.reference is not None or table.exponent is not None:
-        return ("has a reference or an exponent, but no `power_of`",)
-    return ("follows", "is given without `power_of` and `individual`, expected one of them") if table.follows else ()
+def _misplaced(table: UnknownTable) -> tuple[str, str] | None:
+    """Return key and text of a mistake if a key is given beside one that excludes it, or without one that it needs."""
+    values = {key: getattr(table, key) for key in table.written}
+    stated = {key for key, value in values.items() if value is not None and value is not False and value != {}}
+    for key in _WITHOUT_MOVES if "moves" in stated else ():
+        if key in stated:
+            return key, "is given with `moves`, expected one of the two"
+    for key, needed in _NEEDED.items():
+        if key in stated and not stated & set(needed):
+            return (
+                key,
+                f"is given without {' and '.join(f'`{name}`' for name in needed)}, expected {one_of(needed)} as well",
+            )
+    return None
 
 
 def _written_numbers(campaign: CampaignTable) -> dict[str, float]:
@@ -434,11 +436,6 @@ def _written_numbers(campaign: CampaignTable) -> dict[str, float]:
 def addresses_of(unknown: Unknown) -> tuple[str, ...]:
     """Return the addresses of an unknown; a `Move` has none of its own."""
     return () if isinstance(unknown, Move) else unknown.addresses
-
-
-def with_sensor(assembly: Assembly, sensor: PointMass, at: Coordinate) -> Assembly:
-    """Return the assembly with the mass of a sensor at a coordinate."""
-    return with_attached(assembly, replace(sensor, part=at.part, position=at.position))
 
 
 def with_attached(assembly: Assembly, *points: PointMass | GroundSpring | Resonator) -> Assembly:

@@ -8,8 +8,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from receptance.campaign.data import CampaignData
-from receptance.campaign.identification import fit_inputs, observed_unknowns, transfer_errors
-from receptance.campaign.inversion import joints_to_invert
+from receptance.campaign.identification import fit_inputs, joints_to_invert, observed_unknowns, transfer_errors
 from receptance.campaign.problems import CampaignError
 from receptance.report import Column, Provenance, Result, Table
 
@@ -69,8 +68,7 @@ class CampaignCheck(Result):
         identify = fit or _refusal(lambda: fit_inputs(one))
         measured = {observation.configuration for observation in one.measurements.values()}
         speeds = "" if one.table.stability.speeds is not None else "no spindle speeds, expected stability.speeds"
-        tips = [tip for cut in one.cuts.values() for tip in (cut.x, cut.y)]
-        predicted = any(tip is not None and tip.assembly for tip in tips)
+        predicted = any(cut.is_predicted for cut in one.cuts.values())
         return {
             "identify": identify,
             "predict": (identify if one.unknowns else "")

@@ -16,7 +16,6 @@ from receptance import sweep
 from receptance._text import instead_of
 from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import identify_campaign
-from receptance.campaign.problems import CampaignError
 from receptance.campaign.values import kind_of
 from receptance.diagnosis.thresholds import CHANCE, MISFIT_LIMIT
 from receptance.fit import Identification, Observation
@@ -170,8 +169,7 @@ def compare_candidates(
 ) -> Comparison:
     """Compare candidates with the measurements that are not held out; see `Campaign.compare`."""
     if not campaign.to_identify:
-        text = 'there is no measurement with the role "identify" to compare candidates with'
-        raise CampaignError.about(campaign.file, text)
+        raise campaign.error('there is no measurement with the role "identify" to compare candidates with')
     given = dict(given or {})
     observations, fit = _observations(campaign, candidates.addresses, given)
     found = sweep.sweep(
@@ -206,8 +204,7 @@ def _observations(
     for address in (*varied, *given):
         if not any(covered(address, assembly) for assembly in every):
             known = sorted({name for assembly in every for name in assembly.parameters})
-            text = f'no measured assembly has the parameter "{address}"{instead_of(address, known)}'
-            raise CampaignError.about(campaign.file, text)
+            raise campaign.error(f'no measured assembly has the parameter "{address}"{instead_of(address, known)}')
     for address, value in given.items():
         for name, observation in measurements.items():
             assembly = observation.assembly

@@ -55,18 +55,9 @@ def read_rows(
     """Return the rows of a CSV file as objects of a dataclass with the field `line`, the line of the file.
 
     The header may follow comments, lines that begin with #. Cells are separated by commas, or by semicolons; with
-    semicolons, decimals have a comma or a point. Empty cells have the default of their field.
-
-    Parameters
-    ----------
-    path : str or path
-        The file.
-    kind : type
-        The dataclass.
-    check : callable, optional
-        Function that returns further mistakes of a row: column and text.
-    number_last : bool, optional
-        Whether to warn of a last line that may be truncated, because a truncated number is a number.
+    semicolons, decimals have a comma or a point. Empty cells have the default of their field. `check` returns further
+    mistakes of a row, column and text. With `number_last` there is a warning if the last line may be truncated, because
+    a truncated number is a number.
 
     Raises
     ------

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from functools import partial
 
+from receptance.campaign.build import Mistake
 from receptance.campaign.measurements import MeasurementReader, read_entry, restrict_to_bands
 from receptance.campaign.problems import KeyPath
 from receptance.campaign.schema import TipTable
 from receptance.fit import Observation
 from receptance.frf import FRF
 from receptance.frf.frf import with_variance
-from receptance.stability import (
-    Lobes,
-    Milling,
-    Turning,
-)
+from receptance.stability import Lobes, Milling, Turning
 from receptance.stability.tip import require_drive_point
 
 
@@ -49,6 +46,16 @@ class CampaignCut:
     spread: dict[str, float] = field(default_factory=dict)
     """Standard deviations of the logarithms of the coefficients."""
 
+    @property
+    def tips(self) -> tuple[Tip, ...]:
+        """Tips that are not rigid."""
+        return (self.x,) if self.y is None else (self.x, self.y)
+
+    @property
+    def is_predicted(self) -> bool:
+        """Whether a tip is that of an assembly."""
+        return any(tip.assembly for tip in self.tips)
+
     def label(self, lobes: Lobes) -> Lobes:
         """Return lobes with the name, the tips and the coefficients of this cut."""
         tips = {"x": self.x.name, "y": None if self.y is None else self.y.name}
@@ -61,69 +68,62 @@ class CampaignCut:
         return self.cut.drawn(draws, **self.spread, seed=seed)
 
 
-def build_cut(name: str, reader: MeasurementReader, measurements: Mapping[str, Observation]) -> CampaignCut | None:
-    """Return a cut, or None after its mistakes are added."""
+def build_cut(name: str, reader: MeasurementReader, measurements: Mapping[str, Observation]) -> CampaignCut:
+    """Return a cut."""
     own, path, builder = reader.campaign.cuts[name], ("cuts", name), reader.builder
-    cut = builder.element(own, path, **({} if own.kind == "milling" else {"angle_deg": own.angle}))
     spread = {
         key: deviation.of(getattr(own, key)) / getattr(own, key)
         for key, deviation in own.tolerance.items()
         if getattr(own, key) > 0.0
     }
-    x = y = _tip((*path, "x"), own.x, reader, measurements)
-    if own.kind == "turning" or own.y == "rigid":
-        y = None
-    elif not isinstance(own.y, str):
-        y = _tip((*path, "y"), own.y, reader, measurements)
-    if cut is None or x is None or builder.problems.at(path):
-        return None
-    return CampaignCut(name=name, cut=cut, spread=spread, x=x, y=y)
+    angle = {} if own.kind == "milling" else {"angle_deg": own.angle}
+    tips = {"x": own.x} if own.kind == "turning" or isinstance(own.y, str) else {"x": own.x, "y": own.y}
+    cut, *made = builder.together(
+        (
+            partial(builder.element, own, path, **angle),
+            *(partial(_tip, (*path, key), table, reader, measurements) for key, table in tips.items()),
+        )
+    )
+    builder.require(path)
+    rigid = own.kind == "turning" or own.y == "rigid"
+    return CampaignCut(name=name, cut=cut, spread=spread, x=made[0], y=None if rigid else made[-1])
 
 
-def _tip(
-    path: KeyPath, table: TipTable, reader: MeasurementReader, measurements: Mapping[str, Observation]
-) -> Tip | None:
-    builder, problems = reader.builder, reader.builder.problems
+def _tip(path: KeyPath, table: TipTable, reader: MeasurementReader, measurements: Mapping[str, Observation]) -> Tip:
+    builder = reader.builder
     given = [key for key in ("assembly", "measurement", "file") if getattr(table, key) is not None]
     if len(given) != 1:
         found = " and ".join(given) or "neither an assembly, a measurement nor a file"
-        problems.add(path, f"has {found}, expected one of the three")
-        return None
+        builder.fail(path, f"has {found}, expected one of the three")
     if table.file is None:
         for key in sorted(table.written - {"assembly", "measurement", "bands"}):
             where = "" if table.measurement is None else f" or in [measurements.{table.measurement}]"
-            problems.add(
-                (*path, key), f"is given without `file`, whose contents it describes, expected it there{where}"
-            )
+            text = f"is given without `file`, whose contents it describes, expected it there{where}"
+            builder.problems.add((*path, key), text)
+    if table.assembly is not None and table.bands is not None:
+        text = "is given for a predicted tip, expected `lower` and `upper` under [prediction] instead"
+        builder.problems.add((*path, "bands"), text)
+    builder.require(path)
     if table.assembly is not None:
-        if table.bands is not None:
-            text = "is given for a predicted tip, expected `lower` and `upper` under [prediction] instead"
-            problems.add((*path, "bands"), text)
-        if problems.at(path) or table.assembly not in builder.built.assemblies:
-            return None
+        if table.assembly not in builder.built.assemblies:
+            raise Mistake
         return Tip(name=f"predicted, {table.assembly}", assembly=table.assembly)
-    if problems.at(path) or (table.measurement is not None and table.measurement not in measurements):
-        return None
-    if table.measurement is not None:
+    if table.measurement is None:
+        frf = builder.make((*path, "file"), lambda: with_variance(read_entry(table, reader.folder)))
+        for note in (*frf.notes, *frf.contradictions):
+            builder.note(path, note)
+    elif table.measurement not in measurements:
+        raise Mistake
+    else:
         frf = builder.make((*path, "measurement"), _measured, measurements[table.measurement])
         sensor = reader.campaign.measurements[table.measurement].sensor
-        if frf is not None and sensor is not None:
+        if sensor is not None:
             builder.note(path, f"the receptance includes the mass of the sensor {sensor}")
-    else:
-        frf = builder.make((*path, "file"), _read, table, reader.folder)
-        for note in () if frf is None else (*frf.notes, *frf.contradictions):
-            builder.note(path, note)
-    if frf is not None and table.bands is not None:
+    if table.bands is not None:
         frf = builder.make((*path, "bands"), restrict_to_bands, frf, table.bands)
-    if frf is None or builder.make(path, _at_drive_point, frf) is None:
-        return None
+    builder.make(path, require_drive_point, "the FRF", frf.masked())
     name = f"measured, {table.measurement or table.file}"
     return Tip(name=name, frf=frf.to("receptance"), file=str(table.file or ""))
-
-
-def _at_drive_point(frf: FRF) -> FRF:
-    require_drive_point("the FRF", frf.masked())
-    return frf
 
 
 def _measured(seen: Observation) -> FRF:
@@ -143,7 +143,3 @@ def _measured(seen: Observation) -> FRF:
         correlated_lines=seen.correlated_lines,
         label=seen.label,
     )
-
-
-def _read(table: TipTable, folder: Path) -> FRF:
-    return with_variance(read_entry(table, folder))

@@ -14,11 +14,9 @@ from receptance._text import instead_of
 from receptance.campaign.build import Built
 from receptance.campaign.cuts import CampaignCut
 from receptance.campaign.measurements import data_files
-from receptance.campaign.problems import CampaignError
+from receptance.campaign.problems import CampaignError, Issue
 from receptance.campaign.read import campaign_fields, read_campaign, silent
 from receptance.campaign.schema import CampaignTable
-from receptance.campaign.tolerances import inherited_tolerances
-from receptance.campaign.values import Deviation
 from receptance.fit import Tolerance, Unknown
 from receptance.fit.observation import Observation
 from receptance.fit.parameters import Site
@@ -158,6 +156,10 @@ class CampaignData(Renderable):
             seed=seed,
         )
 
+    def error(self, text: str, *path: str) -> CampaignError:
+        """Return an error about the file as a whole, or about a key."""
+        return CampaignError(self.file, [Issue(path, text)])
+
     @property
     def to_identify(self) -> dict[str, Observation]:
         """Measurements that are used in the fit."""
@@ -195,20 +197,6 @@ class CampaignData(Renderable):
         """Return an assembly with its configuration and conditions, for laws and tolerances."""
         return Site(self.assemblies[name], name, "", self.table.assemblies[name].conditions)
 
-    def inherited_tolerances(
-        self, assembly: Assembly, parts: Mapping[str, dict[str, Deviation]]
-    ) -> tuple[Tolerance, ...]:
-        """Return the errors of an assembly of elements of this campaign that is not in the file.
-
-        Parameters
-        ----------
-        assembly : Assembly
-            Parts, joints and attachments of the campaign, and other parts of its materials.
-        parts : mapping of str to dict
-            Names of the other parts, and the standard deviations of their dimensions by address.
-        """
-        return inherited_tolerances(assembly, self.table, self.built, parts)
-
     def select_cuts(self, names: Sequence[str] = ()) -> list[CampaignCut]:
         """Return cuts by name; by default all.
 
@@ -218,10 +206,10 @@ class CampaignData(Renderable):
             There are no cuts, or there is no such cut.
         """
         if not self.cuts:
-            raise CampaignError.about(self.file, _NO_CUT)
+            raise self.error(_NO_CUT)
         for name in names:
             if name not in self.cuts:
-                raise CampaignError.about(self.file, f'there is no cut "{name}"{instead_of(name, self.cuts)}')
+                raise self.error(f'there is no cut "{name}"{instead_of(name, self.cuts)}')
         return [self.cuts[name] for name in names] if names else list(self.cuts.values())
 
     def spindle_speeds(self) -> NDArray[np.float64]:
@@ -234,8 +222,9 @@ class CampaignData(Renderable):
         """
         settings = self.table.stability
         if settings.speeds is None:
-            text = 'there are no spindle speeds, expected `speeds = ["4000 rpm", "24000 rpm"]` under [stability]'
-            raise CampaignError.about(self.file, text)
+            raise self.error(
+                'there are no spindle speeds, expected `speeds = ["4000 rpm", "24000 rpm"]` under [stability]'
+            )
         low, high = settings.speeds
         step = settings.step if settings.step is not None else (high - low) / _SPEEDS[settings.method]
         return low + step * np.arange(int((high - low) / step * (1.0 + 1e-12)) + 1, dtype=np.float64)

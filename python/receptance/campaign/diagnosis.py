@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import check_unknowns, observed_unknowns, started_by_mode
-from receptance.campaign.problems import CampaignError, errors_about
+from receptance.campaign.problems import errors_about
 from receptance.diagnosis import Cause, Metric, Verdict, diagnose
 from receptance.diagnosis.by_mode import bias_of, slenderness_of
 from receptance.diagnosis.fitting import fit_base
@@ -20,13 +20,7 @@ from receptance.fit.observation import Observation
 
 
 def base_model(campaign: CampaignData, seen: Mapping[str, Observation] | None = None) -> tuple[Model, list[str]]:
-    """Return the model for a diagnosis, and notes on unknowns that are left out.
-
-    Parameters
-    ----------
-    seen : mapping of str to Observation, optional
-        Measurements that are used; by default those that are not held out.
-    """
+    """Return the model for a diagnosis, and notes on unknowns that are left out; see `Campaign.base_model`."""
     seen = campaign.to_identify if seen is None else seen
     unknowns, left_out = observed_unknowns(campaign, seen)
     observations = tuple(seen.values())
@@ -40,7 +34,7 @@ def diagnose_campaign(
     """Test whether the model explains the measurements; see `Campaign.diagnose`."""
     check_unknowns(campaign)
     if not campaign.measurements:
-        raise CampaignError.about(campaign.file, "there are no measurements, expected `measurements`")
+        raise campaign.error("there are no measurements, expected `measurements`")
     notes = list(campaign.notes)
     seen, held_out = dict(campaign.to_identify), dict(campaign.held_out)
     numbers = sum(one.independent_values for one in seen.values())
@@ -53,8 +47,7 @@ def diagnose_campaign(
         notes += _held_out_error(campaign)
         seen, held_out = dict(campaign.measurements), {}
     if not seen:
-        text = 'there is no measurement for the diagnosis, expected one with the role "identify"'
-        raise CampaignError.about(campaign.file, text)
+        raise campaign.error('there is no measurement for the diagnosis, expected one with the role "identify"')
     model, left_out = base_model(campaign, seen)
     started = started_by_mode(campaign, model.observations, model.unknowns)
     if started is not None:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from receptance.campaign.check import CampaignCheck, listed
 from receptance.campaign.comparison import Comparison
 from receptance.campaign.data import CampaignData
+from receptance.campaign.identification import LevelSeries
 from receptance.campaign.prediction import Prediction
-from receptance.campaign.series import LevelSeries
 from receptance.campaign.values import kind_of
 from receptance.coupling.figure import draw_with_law
 from receptance.fit.figure import (

@@ -1,20 +1,29 @@
-"""Identification of the unknowns of a campaign, and the inputs of its fits."""
+"""Identification of the unknowns of a campaign, parameters over levels, and joints line by line."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from receptance.campaign.data import CampaignData
 from receptance.campaign.problems import CampaignError, Issue, errors_about
-from receptance.campaign.series import LEAST_LEVELS, over_levels, started_by_level
+from receptance.campaign.schema import SeriesTable
+from receptance.campaign.values import kind_of, parse_condition
+from receptance.coupling import ForceSeries, InverseCoupling, InverseCouplings, invert_coupling
+from receptance.coupling.line_equations import TERMS
 from receptance.coupling.unknown_modes import start_modes
 from receptance.errors import ReceptanceError
 from receptance.fit import Identification, Tolerance, Unknown, identify, profile_likelihoods
 from receptance.fit.observation import Observation
-from receptance.fit.unknowns import Law
+from receptance.fit.unknowns import Law, covered
+from receptance.report import Column, Provenance, Results, Table
+from receptance.report.table import Cell
+from receptance.units import split
 
 _MODE_OF = re.compile(r"mode\[(\d+)\]")
 
@@ -71,8 +80,7 @@ def fit_inputs(campaign: CampaignData) -> tuple[list[Unknown], list[str], list[T
     seen = campaign.to_identify
     check_unknowns(campaign)
     if not seen:
-        text = 'there is no measurement for identification, expected one with the role "identify"'
-        raise CampaignError.about(campaign.file, text)
+        raise campaign.error('there is no measurement for identification, expected one with the role "identify"')
     unknowns, left_out = observed_unknowns(campaign, seen)
     return unknowns, left_out, weighted_tolerances(campaign, seen)
 
@@ -81,15 +89,16 @@ def transfer_errors(campaign: CampaignData) -> list[Tolerance]:
     """Return the errors of all measurements, whose assemblies a transfer predicts; raise if it cannot."""
     check_unknowns(campaign)
     if len({observation.configuration for observation in campaign.measurements.values()}) < 2:
-        text = "fewer than two assemblies were measured, expected at least two, to predict one from the others"
-        raise CampaignError.about(campaign.file, text)
+        raise campaign.error(
+            "fewer than two assemblies were measured, expected at least two, to predict one from the others"
+        )
     return weighted_tolerances(campaign, campaign.measurements)
 
 
 def check_unknowns(campaign: CampaignData) -> None:
     """Raise if there are no unknowns."""
     if not campaign.unknowns:
-        raise CampaignError.about(campaign.file, "there are no unknowns, expected `unknowns`")
+        raise campaign.error("there are no unknowns, expected `unknowns`")
 
 
 def fit_options(
@@ -150,16 +159,11 @@ def weighted_tolerances(campaign: CampaignData, seen: Mapping[str, Observation])
     if not tolerances:
         return []
     if campaign.table.settings.objective == "percentage":
-        raise CampaignError(
-            campaign.file,
-            [
-                Issue(
-                    ("settings", "objective"),
-                    'is "percentage", which has no likelihood, so that errors of dimensions and materials cannot be '
-                    'fitted; expected "log", or no tolerances',
-                )
-            ],
+        text = (
+            'is "percentage", which has no likelihood, so that errors of dimensions and materials cannot be fitted; '
+            'expected "log", or no tolerances'
         )
+        raise campaign.error(text, "settings", "objective")
     unweighted = [name for name, measured in seen.items() if not measured.weighted]
     if unweighted:
         expected = (
@@ -181,5 +185,245 @@ def observed_unknowns(campaign: CampaignData, seen: Mapping[str, Observation]) -
         else:
             notes.append(f"{unknown.address} is not identified: no measurement of its assemblies is for identification")
     if not kept:
-        raise CampaignError.about(campaign.file, "no measurement for identification depends on an unknown")
+        raise campaign.error("no measurement for identification depends on an unknown")
     return kept, notes
+
+
+# Series: parameters over levels ---------------------------------------------------------------------------------------
+
+LEAST_LEVELS = 6
+"""Smallest number of levels to which laws are fitted."""
+_WORSE = 1.5
+"""Ratio of rms residuals to the neighbouring level from which on a level is also fitted from several starts."""
+
+
+class LevelSeries(Results[ForceSeries]):
+    """Parameters over the levels of a series by name; `over` is the condition, and levels are in `unit`."""
+
+    heading = "Parameters over levels"
+    key = "parameters"
+    plotted_by = "receptance.campaign.figure:draw_series"
+
+    def __init__(
+        self, items: Mapping[str, ForceSeries], *, over: str, unit: str, provenance: Provenance | None = None
+    ) -> None:
+        super().__init__(items, provenance=provenance)
+        self.over, self.unit = over, unit
+
+    def tables(self) -> list[Table]:
+        """Return the values at each level, a table for each joint, and the trends."""
+        groups: dict[tuple[str, tuple[float, ...]], list[ForceSeries]] = {}
+        for name, one in self.items():
+            groups.setdefault((name.partition(".")[0], tuple(one.force)), []).append(one)
+        tables = []
+        for (owner, levels), group in groups.items():
+            columns = [Column(self.over, self.unit, "g")]
+            cells: list[list[Cell]] = [list(levels)]
+            for one in group:
+                half = 1.96 * one.standard_errors
+                columns += [Column(one.name.partition(".")[2], kind_of(one.name).unit, ".5g")]
+                columns += [Column("95 % interval", form=".5g")]
+                cells += [one.values.tolist(), list(zip(one.values - half, one.values + half, strict=True))]
+            tables.append(Table(f"{owner} over {self.over}", columns, list(zip(*cells, strict=True))))
+        return [*tables, *super().tables()]
+
+    def data(self) -> dict[str, Any]:
+        """Return the parameters with their laws and trends."""
+        return {
+            "over": self.over,
+            "unit": self.unit,
+            "parameters": {name: one.data() for name, one in self.items()},
+        }
+
+
+def started_by_level(
+    campaign: CampaignData, observations: Sequence[Observation], unknowns: Sequence[Unknown]
+) -> list[Unknown]:
+    """Return the unknowns with start values of free ones from separate fits of each configuration.
+
+    A joint fit of many levels has too many free values to converge from distant starts. The first level of each kind of
+    assembly is fitted from several starts, the others from the values of the previous level.
+    """
+    starts = campaign.table.settings.starts
+    groups: dict[str, list[Observation]] = {}
+    for observation in observations:
+        groups.setdefault(observation.configuration, []).append(observation)
+    found: dict[str, dict[str, float]] = {}
+    last: dict[tuple[str, ...], tuple[dict[str, float], float]] = {}
+    for name, group in groups.items():
+        present = [u for u in unknowns if any(covered(u.address, observation.assembly) for observation in group)]
+        if not present:
+            continue
+        campaign.progress(f"fitting {name}, {len(found) + 1} of {len(groups)}")
+        kind = tuple(unknown.address for unknown in present)
+        values, rms = last.get(kind, ({}, np.inf))
+        fits = []
+        if values:
+            fits.append(_fitted(campaign, group, present, values, starts=1, staged=False))
+        if not values or fits[0] is None or fits[0].rms > _WORSE * rms:
+            fits.append(_fitted(campaign, group, present, {}, starts=starts, staged=True))
+        ended = [fit for fit in fits if fit is not None]
+        if not ended:
+            continue
+        best = min(ended, key=lambda fit: fit.rms)
+        last[kind] = best.values, max(best.rms, 1.0)
+        for unknown in present:
+            found.setdefault(unknown.address, {})[name] = best.values[unknown.address]
+    return [
+        replace(unknown, starts=found.get(unknown.address, {}))
+        if isinstance(unknown, Law) and unknown.free
+        else unknown
+        for unknown in unknowns
+    ]
+
+
+def _fitted(
+    campaign: CampaignData,
+    observations: Sequence[Observation],
+    unknowns: Sequence[Unknown],
+    values: Mapping[str, float],
+    *,
+    starts: int,
+    staged: bool,
+) -> Identification | None:
+    settings = campaign.table.settings
+    plain = [
+        Unknown(
+            address=unknown.address,
+            lower=unknown.lower,
+            upper=unknown.upper,
+            start=values.get(unknown.address, unknown.start),
+            scale=unknown.scale,
+            prior=unknown.prior,
+        )
+        for unknown in unknowns
+    ]
+    weighed = all(observation.weighted for observation in observations)
+    try:
+        return identify(
+            observations,
+            plain,
+            objective=settings.objective,
+            starts=starts,
+            seed=settings.seed,
+            max_evaluations=settings.max_evaluations,
+            threads=campaign.threads,
+            strategy="staged" if staged and weighed and settings.objective == "log" else "direct",
+        )
+    except (ReceptanceError, ValueError):
+        return None  # the fit of all levels reports the error
+
+
+def over_levels(campaign: CampaignData, fit: Identification) -> LevelSeries:
+    """Return every free parameter over the levels of the series.
+
+    Parameters at fewer than `LEAST_LEVELS` levels are left out. Standard errors are those from the scatter of the data,
+    multiplied by the rms residual of the level if that exceeds the noise. Errors of dimensions and materials are common
+    to all levels and do not contribute.
+    """
+    table = campaign.table.series
+    assert table is not None
+    unit, factor = level_unit(table)
+    squares: dict[str, list[float]] = {}
+    for measured, residual in zip(campaign.to_identify.values(), fit.residuals, strict=True):
+        squares.setdefault(measured.configuration, []).extend(np.square(residual).tolist())
+    found = {}
+    for law in fit.task.parameters.given:
+        if not isinstance(law, Law) or not law.free or law.along != table.over:
+            continue
+        rows = []
+        for name, square in squares.items():
+            title = law.name_in(name)
+            if title in fit.values and np.isfinite(fit.standard_errors[title]):
+                level = campaign.site(name).conditions[table.over] / factor
+                left = max(float(np.sqrt(np.mean(square))), 1.0) if fit.known_scatter else 1.0
+                rows.append((level, fit.values[title], fit.standard_errors[title] * left))
+        rows.sort()
+        columns = np.array(rows).T if len(rows) >= LEAST_LEVELS else None
+        if columns is not None and np.all(np.diff(columns[0]) > 0.0) and columns[0, 0] >= 0.0:
+            found[law.name] = ForceSeries(
+                name=law.name, force=columns[0], values=columns[1], standard_errors=columns[2]
+            )
+    return LevelSeries(found, over=table.over, unit=unit, provenance=campaign.provenance())
+
+
+def level_unit(table: SeriesTable) -> tuple[str, float]:
+    """Return the unit of the levels in the file, and its value in SI units.
+
+    Examples
+    --------
+    >>> from receptance.campaign.identification import level_unit
+    >>> from receptance.campaign.schema import SeriesTable
+    >>> level_unit(SeriesTable(over="drawbar force", levels=["0 kN", "5 kN"]))
+    ('kN', 1000.0)
+    """
+    for level in table.levels:
+        with suppress(ValueError):  # a plain number, or a name
+            number, unit = split(level, "a level")
+            if number and unit:
+                return unit, parse_condition(level) / number
+    return "", 1.0
+
+
+# Inverse coupling -----------------------------------------------------------------------------------------------------
+
+_ORDER = ("k_theta", "k_y", "k_ytheta")
+"""Terms of a joint in the order in which they are solved for if there are fewer FRFs than terms."""
+
+
+def invert_campaign(campaign: CampaignData, joint: str | None, limit: float) -> InverseCouplings:
+    """Solve for the stiffness of joints on each frequency line; see `Campaign.invert`."""
+    groups = joints_to_invert(campaign, joint)
+    found: dict[str, InverseCoupling] = {}
+    notes: list[str] = []
+    provenance = campaign.provenance()
+    for name, (owner, measured) in groups.items():
+        campaign.progress(f"solving for {name}, {len(found) + 1} of {len(groups)}")
+        unknown = [t for t in _ORDER if f"{owner}.{t}" in campaign.table.unknowns]
+        terms = unknown[: len(measured)]
+        if len(terms) < len(unknown):
+            left = ", ".join(f"{owner}.{term}" for term in unknown[len(terms) :])
+            count = f"{len(measured)} FRF{'' if len(measured) == 1 else 's'}"
+            notes.append(
+                f"{name}: {count} can determine as many terms on each line; {left} is fixed at its start value"
+            )
+        with errors_about(campaign.file, f"{name}: "):
+            one = invert_coupling(
+                list(measured.values()),
+                joint=owner,
+                terms=[term for term in TERMS if term in terms],
+                tolerances=campaign.errors_of(measured),
+                limit=limit,
+                threads=campaign.threads,
+            )
+        found[name] = replace(one, name=name, provenance=provenance)
+        notes += [f"{name}: {note}" for note in one.notes]
+    return InverseCouplings(found, provenance=provenance, notes=tuple(dict.fromkeys(notes)))
+
+
+def joints_to_invert(campaign: CampaignData, joint: str | None = None) -> dict[str, tuple[str, dict[str, Observation]]]:
+    """Return by name a joint and its FRFs; joints that differ between assemblies are listed for each assembly."""
+    unknown = campaign.table.unknowns
+    owners = list(dict.fromkeys(a.split(".", 1)[0] for a in unknown if a.split(".", 1)[-1] in TERMS))
+    joints = campaign.table.joints
+    owners = [name for name in owners if name in joints and (joint is None or name == joint)]
+    groups: dict[str, tuple[str, dict[str, Observation]]] = {}
+    for owner in owners:
+        own = [unknown[a] for a in unknown if a.startswith(f"{owner}.")]
+        changing = any(one.free or one.power_of or one.individual for one in own)
+        for name, one in campaign.to_identify.items():
+            if not one.is_receptance or owner not in one.assembly.elements or joints[owner].kind != "point":
+                continue
+            ends = [name for name in one.assembly.elements if name in campaign.table.modal_parts]
+            if any(address.startswith(f"{ends[0]}.") for u in campaign.unknowns for address in u.addresses if ends):
+                raise campaign.error(
+                    f"{ends[0]}, the modal part behind {owner}, has unknowns, but inverse coupling needs its "
+                    "receptance; identify the campaign instead, or write the identified modes into the file "
+                    "and remove them from the unknowns",
+                )
+            title = f"{owner} @ {one.configuration}" if changing else owner
+            groups.setdefault(title, (owner, {}))[1][name] = one
+    if not groups:
+        which = "point joint" if joint is None else f'joint "{joint}"'
+        raise campaign.error(f"no {which} with unknown stiffnesses was measured with an FRF for identification")
+    return groups

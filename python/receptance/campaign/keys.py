@@ -7,12 +7,12 @@ a file are found in one pass.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
-from dataclasses import KW_ONLY, MISSING, dataclass, field
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Final, Self, TypeVar
+from typing import Any, ClassVar, Final, Self
 
 from receptance._text import did_you_mean, instead_of, nearest, one_of, shown
 from receptance.campaign.problems import KeyPath, Problems
@@ -31,39 +31,35 @@ _SINGULAR = {
     "parts": "a part",
     "modal_parts": "a modal part",
 }
+WORD = r"^[^\W\d]\w*$"
+"""Pattern of a name that begins addresses."""
 WRONG: Final = object()
 """Result of reading a value with a mistake, which was added."""
-PLAIN: list[dict[str, Any]] = [{"type": "string"}, {"type": "number"}]
+TEXT: dict[str, Any] = {"type": "string"}
+PLAIN: list[dict[str, Any]] = [TEXT, {"type": "number"}]
 """JSON Schemas of a text and of a number."""
 
 # Places ---------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class Names:
-    """Names and files to which tables may refer.
+class Place:
+    """The place of a value in the file: its path, and the table that has it.
 
     `named` are all names of each section, those of tables with mistakes included. References to `broken` sections,
     which are missing or are no tables, are not checked; nor are data files without a `folder`.
     """
 
-    named: dict[str, list[str]]
+    problems: Problems
+    named: Mapping[str, list[str]]
     broken: frozenset[str]
     folder: Path | None
-
-
-@dataclass(frozen=True)
-class Place:
-    """The place of a value in the file: its path, and the table that has it."""
-
-    problems: Problems
-    names: Names
     path: KeyPath = ()
     table: Mapping[str, Any] = field(default_factory=dict)
 
     def at(self, key: str | int, table: Mapping[str, Any] | None = None) -> Place:
         """Return the place of a key or an item."""
-        return Place(self.problems, self.names, (*self.path, key), {} if table is None else table)
+        return replace(self, path=(*self.path, key), table=table or {})
 
     def mistake(self, text: str, up: int = 0) -> None:
         """Add a mistake at this place, or some steps above it."""
@@ -81,8 +77,7 @@ class Place:
         declared, misspelt = of.declared, set()
         unknown = [key for key in written if key not in declared]
         for key in unknown:
-            expected = [name for name in declared if name not in written]
-            near = nearest(key, expected)
+            near = nearest(key, [name for name in declared if name not in written])
             misspelt.add(near)
             hint = f'; did you mean "{near}"?' if near else f"; expected {one_of(declared)}"
             self.at(key).mistake(f"is not a known key{hint}")
@@ -90,20 +85,20 @@ class Place:
         for name, declaration in declared.items():
             if name in written:
                 values[name] = self.at(name, written).read(declaration, written[name])
-            elif of.default_of(name) is MISSING:
+            elif name not in of.defaults:
                 values[name] = WRONG
                 if name not in misspelt:
                     tables = "" if self.path else f", expected tables such as [{name}.NAME]"
                     self.at(name).mistake(f"is missing{tables}")
         return values
 
-    def name(self, name: str, sections: tuple[str, ...]) -> None:
+    def name(self, name: str, *sections: str) -> None:
         """Add a mistake if no section has the name; the table with the name is usable."""
-        names = [other for section in sections for other in self.names.named[section]]
-        if name in names or not self.names.broken.isdisjoint(sections):
+        names = [other for section in sections for other in self.named[section]]
+        if name in names or not self.broken.isdisjoint(sections):
             return
         # Messages mention modal parts only if the file has some.
-        mentioned = [section for section in sections if section != "modal_parts" or self.names.named[section]]
+        mentioned = [section for section in sections if section != "modal_parts" or self.named[section]]
         what = " or ".join(_SINGULAR.get(section, f"a {section.removesuffix('s')}") for section in mentioned)
         self.mistake(f'is "{name}", which is not {what} of this file{instead_of(name, names)}')
 
@@ -111,10 +106,40 @@ class Place:
         """Raise if a text is not an address, or its owner is unknown."""
         kind_of(address)
         owner = address.split(".", 1)[0]
-        names = [name for section in OWNERS for name in self.names.named[section]]
-        if owner not in names and address not in FACTORS and self.names.broken.isdisjoint(OWNERS):
+        names = [name for section in OWNERS for name in self.named[section]]
+        if owner not in names and address not in FACTORS and self.broken.isdisjoint(OWNERS):
             text = f'begins with "{owner}", which is not a part, joint, attachment or sensor of this file'
             raise ValueError(text + instead_of(owner, names))
+
+
+def check_word(_: Place, key: str) -> None:
+    """Raise unless a key is a word."""
+    if not re.search(WORD, key):
+        raise ValueError(f"is {shown(key)}, expected one word of letters, digits and underscores")
+
+
+def check_name(_: Place, key: str) -> None:
+    """Raise for an empty key."""
+    if not key:
+        raise ValueError(f"is {shown(key)}, expected some text")
+
+
+# Single values --------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Value(Field[T]):
+    """A value that a function returns from the written one and its place."""
+
+    doc: str
+    parse: Callable[[Any, Place], T]
+    form: dict[str, Any] = field(default_factory=lambda: TEXT)
+
+    def read(self, written: Any, place: Place) -> T:
+        return self.parse(written, place)
+
+    def schema(self) -> dict[str, Any]:
+        return self.form
 
 
 def text_of(written: Any) -> str:
@@ -131,53 +156,151 @@ def table_of(written: Any) -> dict[str, Any]:
     return written
 
 
-# Single values --------------------------------------------------------------------------------------------------------
+def text(doc: str = "") -> Field[str]:
+    """Declare a text."""
+    return Value(doc, lambda written, _: text_of(written))
 
 
-@dataclass(frozen=True)
-class Text(Field[str]):
-    """A text."""
-
-    doc: str = ""
-
-    def read(self, written: Any, place: Place) -> str:
-        return text_of(written)
-
-    def schema(self) -> dict[str, Any]:
-        return {"type": "string"}
+def word(value: str) -> Field[Any]:
+    """Declare the key `kind` with the value that selects the table."""
+    return Value(f'`"{value}"`', lambda written, _: text_of(written), TEXT | {"const": value})
 
 
-@dataclass(frozen=True)
-class Word(Field[Any]):
-    """The value of the key `kind`, which selects the table."""
+def flag(doc: str) -> Field[bool]:
+    """Declare a value that is true or false."""
 
-    doc: str
-
-    def read(self, written: Any, place: Place) -> str:
-        return text_of(written)
-
-    @property
-    def word(self) -> str:
-        """The word."""
-        return self.doc.strip('`"')
-
-    def schema(self) -> dict[str, Any]:
-        return {"type": "string", "const": self.word}
-
-
-@dataclass(frozen=True)
-class Flag(Field[bool]):
-    """True or false."""
-
-    doc: str
-
-    def read(self, written: Any, place: Place) -> bool:
+    def read(written: Any, _: Place) -> bool:
         if not isinstance(written, bool):
             raise ValueError(f"is {shown(written)}, expected true or false")
         return written
 
-    def schema(self) -> dict[str, Any]:
-        return {"type": "boolean"}
+    return Value(doc, read, {"type": "boolean"})
+
+
+def plain(
+    doc: str = "",
+    types: tuple[type, ...] = (str, int, float),
+    expected: str = "text with a number and a unit, or a plain number",
+    form: Sequence[Mapping[str, Any]] = PLAIN,
+) -> Field[Any]:
+    """Declare a value of one of several types, which is read where more is known: a text with a unit or a number."""
+
+    def read(written: Any, _: Place) -> Any:
+        if isinstance(written, bool) or not isinstance(written, types):
+            raise ValueError(f"is {shown(written)}, expected {expected}")
+        return written
+
+    return Value(doc, read, {"anyOf": list(form)})
+
+
+def one_or_list(doc: str, item: Field[T], expected: str, types: tuple[type, ...] = (str,)) -> Field[T | list[T]]:
+    """Declare a value that is written as one of some types, or a list of such values."""
+
+    def read(written: Any, place: Place) -> Any:
+        if isinstance(written, bool) or not isinstance(written, (*types, list)):
+            raise ValueError(f"is {shown(written)}, expected {expected}")
+        return (ListOf("", item) if isinstance(written, list) else item).read(written, place)
+
+    form = item.schema()
+    return Value(doc, read, {"anyOf": [*form.get("anyOf", [form]), {"type": "array", "items": form}]})
+
+
+def name_in(doc: str, *sections: str, optional: bool = False) -> Field[str]:
+    """Declare a name in one of some sections of the file, or, if `optional`, an empty text."""
+
+    def read(written: Any, place: Place) -> str:
+        name = text_of(written)
+        if name or not optional:
+            place.name(name, *sections)
+        return name
+
+    return Value(doc, read)
+
+
+def name_in_machine() -> Field[str]:
+    """Declare a name in the chain of the machine of a catalogue."""
+
+    def read(written: Any, place: Place) -> str:
+        name = text_of(written)
+        if name in place.named["modal_parts"]:
+            place.mistake(
+                f'is "{name}", a modal part, which `machine` cannot contain; expected parts and joints, or the '
+                'spindle in a file of its own, named by `spindle = "FILE"`'
+            )
+        else:
+            place.name(name, "parts", "joints")
+        return name
+
+    return Value("", read)
+
+
+def data_file(doc: str = "") -> Field[str]:
+    """Declare the path of a data file, relative to the campaign file."""
+
+    def read(written: Any, place: Place) -> str:
+        name, folder = text_of(written), place.folder
+        if folder is not None and not (file := folder / name).is_file():
+            what = "is a folder" if file.is_dir() else "does not exist"
+            near = [other.name for other in sorted(file.parent.iterdir())] if file.parent.is_dir() else []
+            mistake = f'is "{name}", which {what}, expected a data file in {folder.resolve()}'
+            place.mistake(mistake + did_you_mean(file.name, near))
+        return name
+
+    return Value(doc, read)
+
+
+def deviation_of(quantity: Quantity, doc: str) -> Field[Deviation]:
+    """Declare the standard deviation of a quantity."""
+    small = small_deviation(quantity)
+    share = {"type": "string", "pattern": rf"^\s*{NUMBER}\s*(%|percent)\s*$", "examples": ["2 %"]}
+    spellings = [Number(small, "").schema(), share]
+    named = {
+        "type": "object",
+        "properties": {"value": {"anyOf": spellings}, "name": {"type": "string", "minLength": 1}},
+        "required": ["value", "name"],
+        "additionalProperties": False,
+    }
+    example = small.example if small.unit else float(small.example)
+    form = {"anyOf": [*spellings, named], "examples": [example, "2 %"]}
+    return Value(doc, lambda written, _: parse_deviation(written, quantity), form)
+
+
+def value_of_unknown(doc: str) -> Field[float]:
+    """Declare a bound or a start of an unknown, with the quantity of the address that is the name of its table."""
+
+    def read(written: Any, place: Place) -> Any:
+        moves, address = bool(place.table.get("moves")), str(place.path[-2])
+        try:
+            if not moves:
+                place.address(address)
+        except ValueError as error:
+            place.mistake(str(error), up=1)
+            return WRONG
+        has_no_unit = moves or place.table.get("multiple") is not None
+        return parse(plain().read(written, place), PLAIN_NUMBER if has_no_unit else kind_of(address))
+
+    return Value(doc, read, {"anyOf": PLAIN})
+
+
+def value_at_address() -> Field[float]:
+    """Declare the value of the parameter whose address is the key."""
+
+    def read(written: Any, place: Place) -> float:
+        quantity = kind_of(str(place.path[-1]))
+        return parse(plain().read(written, place), quantity)
+
+    return Value("", read, {"anyOf": PLAIN})
+
+
+def deviation_at_address() -> Field[Deviation]:
+    """Declare the standard deviation of the parameter whose address is the key."""
+    written = plain("", (str, int, float, dict), 'a standard deviation such as "0.1 mm" or "2 %"')
+
+    def read(value: Any, place: Place) -> Deviation:
+        quantity = kind_of(str(place.path[-1]))
+        return parse_deviation(written.read(value, place), quantity)
+
+    return Value("", read, {"anyOf": [*PLAIN, {"type": "object", "additionalProperties": {"anyOf": PLAIN}}]})
 
 
 @dataclass(frozen=True)
@@ -204,172 +327,6 @@ class Real(Field[float]):
     def schema(self) -> dict[str, Any]:
         bounds = {"minimum": self.least, "exclusiveMinimum": self.above, "exclusiveMaximum": self.below}
         return {"type": "number", **{key: bound for key, bound in bounds.items() if bound is not None}}
-
-
-@dataclass(frozen=True)
-class Written(Field[Any]):
-    """A value of one of several types, which is read where more is known: a text with a unit or a number."""
-
-    doc: str = ""
-    _: KW_ONLY
-    types: tuple[type, ...] = (str, int, float)
-    expected: str = "text with a number and a unit, or a plain number"
-    form: tuple[dict[str, Any], ...] = tuple(PLAIN)
-
-    def read(self, written: Any, place: Place) -> Any:
-        if isinstance(written, bool) or not isinstance(written, self.types):
-            raise ValueError(f"is {shown(written)}, expected {self.expected}")
-        if isinstance(written, list):
-            # Numbers are allowed in the list where they are beside it.
-            items = Written(types=(str, int, float)) if float in self.types else Text()
-            return ListOf("", items).read(written, place)
-        return written
-
-    def schema(self) -> dict[str, Any]:
-        return {"anyOf": list(self.form)}
-
-
-@dataclass(frozen=True)
-class Parsed(Field[T]):
-    """A value that a function returns from the written one."""
-
-    doc: str
-    parse: Callable[[Any], T]
-    form: dict[str, Any] = field(default_factory=lambda: {"type": "string"})
-
-    def read(self, written: Any, place: Place) -> Any:
-        return self.parse(written)
-
-    def schema(self) -> dict[str, Any]:
-        return self.form
-
-
-@dataclass(frozen=True, init=False)
-class NameOf(Text):
-    """A name in one of some sections of the file, or, if `optional`, an empty text."""
-
-    sections: tuple[str, ...] = ()
-    optional: bool = False
-
-    def __init__(self, doc: str, *sections: str, optional: bool = False) -> None:
-        vars(self).update(doc=doc, sections=sections, optional=optional)
-
-    def read(self, written: Any, place: Place) -> str:
-        name = text_of(written)
-        if name or not self.optional:
-            place.name(name, self.sections)
-        return name
-
-
-@dataclass(frozen=True)
-class NameInMachine(Text):
-    """A name in the chain of the machine of a catalogue."""
-
-    def read(self, written: Any, place: Place) -> str:
-        name = text_of(written)
-        if name in place.names.named["modal_parts"]:
-            place.mistake(
-                f'is "{name}", a modal part, which `machine` cannot contain; expected parts and joints, or the spindle '
-                'in a file of its own, named by `spindle = "FILE"`'
-            )
-        else:
-            place.name(name, ("parts", "joints"))
-        return name
-
-
-@dataclass(frozen=True)
-class DataFile(Text):
-    """The path of a data file, relative to the campaign file."""
-
-    def read(self, written: Any, place: Place) -> str:
-        name, folder = text_of(written), place.names.folder
-        if folder is not None and not (file := folder / name).is_file():
-            what = "is a folder" if file.is_dir() else "does not exist"
-            near = [other.name for other in sorted(file.parent.iterdir())] if file.parent.is_dir() else []
-            text = f'is "{name}", which {what}, expected a data file in {folder.resolve()}'
-            place.mistake(text + did_you_mean(file.name, near))
-        return name
-
-
-@dataclass(frozen=True)
-class DataFiles(Field[str | list[str]]):
-    """The path of a data file, or a list of them."""
-
-    doc: str
-
-    def read(self, written: Any, place: Place) -> Any:
-        if isinstance(written, list):
-            return ListOf("", DataFile()).read(written, place)
-        if not isinstance(written, str):
-            raise ValueError(f"is {shown(written)}, expected the name of a file, or a list of them")
-        return DataFile().read(written, place)
-
-    def schema(self) -> dict[str, Any]:
-        return {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
-
-
-@dataclass(frozen=True)
-class Deviated(Field[Deviation]):
-    """The standard deviation of a quantity, a `Deviation`."""
-
-    quantity: Quantity
-    doc: str
-
-    def read(self, written: Any, place: Place) -> Any:
-        return parse_deviation(written, self.quantity)
-
-    def schema(self) -> dict[str, Any]:
-        small = small_deviation(self.quantity)
-        share = {"type": "string", "pattern": rf"^\s*{NUMBER}\s*(%|percent)\s*$", "examples": ["2 %"]}
-        spellings = [Number(small, "").schema(), share]
-        named = {
-            "type": "object",
-            "properties": {"value": {"anyOf": spellings}, "name": {"type": "string", "minLength": 1}},
-            "required": ["value", "name"],
-            "additionalProperties": False,
-        }
-        example = small.example if small.unit else float(small.example)
-        return {"anyOf": [*spellings, named], "examples": [example, "2 %"]}
-
-
-@dataclass(frozen=True)
-class ValueOfUnknown(Field[float]):
-    """A bound or a start of an unknown, with the quantity of the address that is the name of its table."""
-
-    doc: str
-
-    def read(self, written: Any, place: Place) -> Any:
-        moves, address = bool(place.table.get("moves")), str(place.path[-2])
-        try:
-            if not moves:
-                place.address(address)
-            plain = moves or place.table.get("multiple") is not None
-            quantity = PLAIN_NUMBER if plain else kind_of(address)
-        except ValueError as error:
-            place.mistake(str(error), up=1)
-            return WRONG
-        return parse(Written().read(written, place), quantity)
-
-    def schema(self) -> dict[str, Any]:
-        return {"anyOf": PLAIN}
-
-
-@dataclass(frozen=True)
-class ValueAtAddress(Field[Any]):
-    """The value of the parameter whose address is the key, or, if `deviation`, its standard deviation."""
-
-    deviation: bool = False
-
-    def read(self, written: Any, place: Place) -> Any:
-        quantity = kind_of(str(place.path[-1]))
-        types = (str, int, float, dict) if self.deviation else (str, int, float)
-        expected = 'a standard deviation such as "0.1 mm" or "2 %"' if self.deviation else Written().expected
-        value = Written(types=types, expected=expected).read(written, place)
-        return parse_deviation(value, quantity) if self.deviation else parse(value, quantity)
-
-    def schema(self) -> dict[str, Any]:
-        named = {"type": "object", "additionalProperties": {"anyOf": PLAIN}}
-        return {"anyOf": [*PLAIN, named] if self.deviation else PLAIN}
 
 
 # Lists and tables -----------------------------------------------------------------------------------------------------
@@ -424,18 +381,15 @@ class MapOf(Field[Mapping[str, T]]):
             except ValueError as error:
                 at.mistake(str(error))
                 values[key] = WRONG
-                continue
-            values[key] = at.read(self.item, value)
+            else:
+                values[key] = at.read(self.item, value)
         return values
 
     def schema(self) -> dict[str, Any]:
-        if self.pattern:
-            return {
-                "type": "object",
-                "patternProperties": {self.pattern: self.item.schema()},
-                "additionalProperties": False,
-            }
-        return {"type": "object", "additionalProperties": self.item.schema()}
+        if not self.pattern:
+            return {"type": "object", "additionalProperties": self.item.schema()}
+        names = {"patternProperties": {self.pattern: self.item.schema()}, "additionalProperties": False}
+        return {"type": "object", **names}
 
 
 @dataclass(frozen=True)
@@ -447,6 +401,48 @@ class NamedTables(MapOf[T]):
             place.mistake(f"is {shown(written)}, expected a table")
             return {}
         return {key: value for key, value in self._values(written, place).items() if value is not WRONG}
+
+
+@dataclass(frozen=True)
+class Keys(Field[T]):
+    """The keys of a table, and the defaults of those that are not needed."""
+
+    doc: str
+    title: str
+    """Name of its definition in the JSON Schema."""
+    text: str
+    """Description of the table."""
+    declared: Mapping[str, Field[Any]]
+    defaults: Mapping[str, Any]
+    made: Callable[[Mapping[str, Any]], T]
+    """Returns the table from the values of the written keys."""
+    element: type[Element] | None = None
+    """The class of an element whose fields are the keys."""
+
+    def read(self, written: Any, place: Place) -> Any:
+        values = place.keys(self, table_of(written))
+        return WRONG if WRONG in values.values() else self.made(values)
+
+    def schema(self) -> dict[str, Any]:
+        return {"$ref": f"#/$defs/{self.title}"} if self.title else self.definition()
+
+    def definition(self) -> dict[str, Any]:
+        """Return the JSON Schema of the table."""
+        properties = {}
+        for key, of in self.declared.items():
+            schema, default = of.schema(), self.defaults.get(key)
+            # Of a quantity, which is text, the default is a number in SI units.
+            typed = isinstance(default, str) or schema.get("type") != "string"
+            shown_default = {"default": default} if isinstance(default, (bool, int, float, str)) and typed else {}
+            properties[key] = {**schema, **({} if default == "" else shown_default), "description": of.doc}
+        required = [key for key in self.declared if key not in self.defaults]
+        return {
+            "type": "object",
+            "description": self.text.strip().splitlines()[0],
+            "properties": properties,
+            "additionalProperties": False,
+            **({"required": required} if required else {}),
+        }
 
 
 class KeyTable:
@@ -470,6 +466,12 @@ class KeyTable:
     def __init__(self, **values: Any) -> None:
         vars(self).update(values)
 
+    @classmethod
+    def keys(cls, doc: str = "") -> Keys[Self]:
+        """Declare a key whose value is such a table."""
+        defaults = {key: getattr(cls, key) for key in cls.declared if hasattr(cls, key)}
+        return Keys(doc, cls.__name__, cls.__doc__ or "", cls.declared, defaults, lambda values: cls(**values))
+
     @property
     def written(self) -> frozenset[str]:
         """Keys that the file has."""
@@ -484,85 +486,6 @@ class KeyTable:
         return type(self)(**{**vars(self), **values})
 
 
-class Keys(Field[T], ABC):
-    """The keys of a table with their defaults; `made` returns the table from the values of the written keys."""
-
-    declared: Mapping[str, Field[Any]]
-
-    @property
-    @abstractmethod
-    def title(self) -> str:
-        """Name of its definition in the JSON Schema."""
-
-    @property
-    @abstractmethod
-    def text(self) -> str:
-        """Description of the table."""
-
-    @abstractmethod
-    def default_of(self, key: str) -> Any:
-        """Return the default of a key; `MISSING` if it is needed."""
-
-    @abstractmethod
-    def made(self, values: dict[str, Any]) -> T:
-        """Return the table with some values, and with defaults."""
-
-    def read(self, written: Any, place: Place) -> Any:
-        values = place.keys(self, table_of(written))
-        return WRONG if WRONG in values.values() else self.made(values)
-
-    def schema(self) -> dict[str, Any]:
-        return {"$ref": f"#/$defs/{self.title}"}
-
-    def definition(self) -> dict[str, Any]:
-        """Return the JSON Schema of the table."""
-        properties = {}
-        for key, of in self.declared.items():
-            schema, default = of.schema(), self.default_of(key)
-            # Of a quantity, which is text, the default is a number in SI units.
-            typed = isinstance(default, str) or schema.get("type") != "string"
-            shown_default = {"default": default} if isinstance(default, (bool, int, float, str)) and typed else {}
-            properties[key] = {**schema, **({} if default == "" else shown_default), "description": of.doc}
-        required = [key for key in self.declared if self.default_of(key) is MISSING]
-        return {
-            "type": "object",
-            "description": self.text.strip().splitlines()[0],
-            "properties": properties,
-            "additionalProperties": False,
-            **({"required": required} if required else {}),
-        }
-
-
-K = TypeVar("K", bound=KeyTable)
-
-
-@dataclass(frozen=True)
-class TableOf(Keys[K]):
-    """A table of a class."""
-
-    table: type[K]
-    doc: str = ""
-
-    @property
-    def declared(self) -> Mapping[str, Field[Any]]:  # type: ignore[override]
-        """Declarations of the keys by name."""
-        return self.table.declared
-
-    @property
-    def title(self) -> str:
-        return self.table.__name__
-
-    @property
-    def text(self) -> str:
-        return self.table.__doc__ or ""
-
-    def default_of(self, key: str) -> Any:
-        return getattr(self.table, key, MISSING)
-
-    def made(self, values: dict[str, Any]) -> K:
-        return self.table(**values)
-
-
 class ElementTable:
     """The table of an element: the values of its keys, and which of them are `written` in the file."""
 
@@ -571,119 +494,86 @@ class ElementTable:
         vars(self).update(values)
 
     def __getattr__(self, name: str) -> Any:
-        raise AttributeError(f"the table of a {type(self).__name__} has no {name}")
+        raise AttributeError(f"the table of a {self.element.__name__} has no {name}")
 
 
-@dataclass(frozen=True)
-class Tolerances(Keys[dict[str, Deviation]]):
-    """The standard deviations of the numbers of an element by name."""
+def element_keys(
+    element: type[Element],
+    doc: str = "",
+    *,
+    kind: str = "",
+    more: type[KeyTable] = KeyTable,
+    without: tuple[str, ...] = (),
+    defaults: Mapping[str, Any] | None = None,
+    title: str = "",
+) -> Keys[ElementTable]:
+    """Declare the table of an element, whose keys are the fields of the element.
 
-    title = "Tolerances"
-    element: type[Element]
-    doc: str = "standard deviations of the numbers above, by the same keys"
+    `kind` is the value of its key `kind`, with the default "point". `more` has additional or other keys, `without` are
+    fields that are not keys, and `defaults` those that differ from the element's.
+    """
+    others = more.keys()
+    declared: dict[str, Field[Any]] = {"kind": word(kind)} if kind else {}
+    declared |= others.declared
+    every: dict[str, Any] = {"kind": "point"} if kind == "point" else {}
+    every |= others.defaults
+    for name, of in element.declared.items():
+        if name in ("name", *without, *others.declared):
+            continue
+        declared[name] = key = _key(of)
+        if isinstance(key, Keys):
+            every |= {} if key.declared.keys() - key.defaults.keys() else {name: key.made({})}
+        elif hasattr(element, name):
+            every[name] = getattr(element, name)
+    if element.toleranced:
+        declared["tolerance"], every["tolerance"] = _tolerances(element), {}
+    every |= defaults or {}
+    text = (more if others.declared and more.__doc__ else element).__doc__ or ""
 
-    @cached_property
-    def declared(self) -> Mapping[str, Field[Any]]:  # type: ignore[override]
-        """Declarations of the keys."""
-        numbers = {name: of for name, of in self.element.declared.items() if isinstance(of, Number) and of.parameter}
-        return {name: Deviated(of.quantity, f"of the {of.doc.partition(';')[0]}") for name, of in numbers.items()}
+    def made(values: Mapping[str, Any]) -> ElementTable:
+        return ElementTable(element, frozenset(values), {**every, **values})
 
-    @property
-    def text(self) -> str:
-        return f"Standard deviations of the numbers of a table of {self.element.__name__}."
-
-    def default_of(self, key: str) -> Any:
-        return None
-
-    def made(self, values: dict[str, Any]) -> dict[str, Deviation]:
-        return values
-
-    def schema(self) -> dict[str, Any]:
-        return self.definition()
-
-
-@dataclass(frozen=True)
-class ElementOf(Keys[ElementTable]):
-    """The table of an element, whose keys are the fields of the element."""
-
-    element: type[Element]
-    doc: str = ""
-    _: KW_ONLY
-    kind: str = ""
-    """Value of the key `kind`; "point" is its default."""
-    keys: type[KeyTable] = KeyTable
-    """A table with additional or other keys."""
-    without: tuple[str, ...] = ()
-    """Fields of the element that are not keys."""
-    defaults: Mapping[str, Any] = field(default_factory=dict)
-    """Defaults of keys where they differ from those of the element."""
-    name: str = ""
-    """Name of its definition in the JSON Schema, by default from that of the element."""
-
-    @property
-    def title(self) -> str:
-        return self.name or f"{self.element.__name__}Table"
-
-    @property
-    def text(self) -> str:
-        return (self.keys if self.keys.declared and self.keys.__doc__ else self.element).__doc__ or ""
-
-    @cached_property
-    def declared(self) -> Mapping[str, Field[Any]]:  # type: ignore[override]
-        """Declarations of the keys by name."""
-        declared: dict[str, Field[Any]] = {"kind": Word(f'`"{self.kind}"`')} if self.kind else {}
-        declared |= self.keys.declared
-        for name, of in self.element.declared.items():
-            if name not in ("name", *self.without, *self.keys.declared):
-                declared[name] = _key(of)
-        return {**declared, **({"tolerance": Tolerances(self.element)} if self.element.toleranced else {})}
-
-    def default_of(self, key: str) -> Any:
-        if key == "kind":
-            return self.kind if self.kind == "point" else MISSING
-        if key in self.defaults or key in self.keys.declared:
-            return self.defaults.get(key, getattr(self.keys, key, MISSING))
-        if key == "tolerance":
-            return {}
-        of = self.declared[key]
-        if isinstance(of, ElementOf):
-            return MISSING if MISSING in map(of.default_of, of.declared) else of.made({})
-        return getattr(self.element, key, MISSING)
-
-    def made(self, values: Mapping[str, Any]) -> ElementTable:
-        every = {key: values.get(key, self.default_of(key)) for key in self.declared}
-        return ElementTable(self.element, frozenset(values), every)
+    return Keys(doc, title or f"{element.__name__}Table", text, declared, every, made, element)
 
 
 def _key(of: Field[Any]) -> Field[Any]:
     """Return the declaration of the key of a field that refers to other tables."""
     if isinstance(of, Member) and of.kind is Material:
-        return NameOf(f"name of the {of.doc}", "materials")
+        return name_in(f"name of the {of.doc}", "materials")
     if isinstance(of, Member):
-        return ElementOf(of.kind, of.doc, name=f"{of.kind.__name__}MemberTable")
+        return element_keys(of.kind, of.doc, title=f"{of.kind.__name__}MemberTable")
     if isinstance(of, AttachedTo):
-        return NameOf(of.doc, "parts", optional=True)
+        return name_in(of.doc, "parts", optional=True)
     return ListOf(of.doc, Real(least=0.0)) if isinstance(of, Numbers) else of
 
 
-@dataclass(frozen=True, init=False)
+def _tolerances(element: type[Element]) -> Keys[Mapping[str, Deviation]]:
+    """Declare the standard deviations of the numbers of an element by name."""
+    declared = {
+        name: deviation_of(of.quantity, f"of the {of.doc.partition(';')[0]}")
+        for name, of in element.declared.items()
+        if isinstance(of, Number) and of.parameter
+    }
+    doc = "standard deviations of the numbers above, by the same keys"
+    text = f"Standard deviations of the numbers of a table of {element.__name__}."
+    return Keys(doc, "", text, declared, dict.fromkeys(declared), lambda values: values)
+
+
+@dataclass(frozen=True)
 class OneKind(Field[Any]):
     """One of several tables, selected by the key `kind`."""
 
-    choices: tuple[TableOf[Any] | ElementOf, ...]
+    choices: tuple[Keys[Any], ...]
     doc: str = ""
 
-    def __init__(self, *choices: TableOf[Any] | ElementOf) -> None:
-        vars(self).update(choices=choices)
-
     @cached_property
-    def by_word(self) -> dict[str, TableOf[Any] | ElementOf]:
+    def by_word(self) -> dict[str, Keys[Any]]:
         """The tables by the value of `kind`."""
-        return {of.kind if isinstance(of, ElementOf) else of.table.declared["kind"].word: of for of in self.choices}
+        return {keys.declared["kind"].schema()["const"]: keys for keys in self.choices}
 
     def kind_of(self, element: Element) -> str | None:
         """Return the value of `kind` of an element; None if it is of none of these classes."""
-        return next((word for word, of in self.by_word.items() if getattr(of, "element", None) is type(element)), None)
+        return next((word for word, keys in self.by_word.items() if keys.element is type(element)), None)
 
     def read(self, written: Any, place: Place) -> Any:
         words = self.by_word
@@ -695,7 +585,7 @@ class OneKind(Field[Any]):
         return words[kind].read(written, place)
 
     def schema(self) -> dict[str, Any]:
-        references = {word: of.schema()["$ref"] for word, of in self.by_word.items()}
+        references = {word: keys.schema()["$ref"] for word, keys in self.by_word.items()}
         return {
             "oneOf": [{"$ref": reference} for reference in references.values()],
             "discriminator": {"propertyName": "kind", "mapping": references},

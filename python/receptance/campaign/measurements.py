@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, cast
 
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 
 from receptance import hammer, io, units
 from receptance._reading import ReadingOptions, campaign_keys
-from receptance._text import shown
 from receptance.campaign.build import Builder
 from receptance.campaign.csv_rows import read_rows
 from receptance.campaign.problems import CampaignError, Issue, KeyPath
@@ -30,7 +30,7 @@ from receptance.campaign.schema import (
     MeasurementTable,
 )
 from receptance.campaign.tolerances import with_attachments
-from receptance.campaign.values import Deviation, parse_deviation, parse_share
+from receptance.campaign.values import Deviation
 from receptance.fit import Observation, Tolerance
 from receptance.fit.observation import altered
 from receptance.frf import FRF
@@ -57,17 +57,14 @@ class MeasurementReader:
         self.campaign, self.builder, self.folder = campaign, builder, folder
         self._tolerances = tolerances
 
-    def measurement(self, name: str) -> Observation | None:
-        """Return a measurement, or None after its mistakes are added."""
+    def measurement(self, name: str) -> Observation:
+        """Return a measurement."""
         table = self.campaign.measurements[name]
         path: KeyPath = ("measurements", name)
         if table.kind == "frf" and table.force is not None and table.level is not None:
             text = "is given with a force, which determines it, expected one of the two"
             self.builder.problems.add((*path, "level"), text)
-        assembled = self.builder.measured(path, table, self.campaign, table.attachments, table.level)
-        if assembled is None:
-            return None
-        assembly, response = assembled
+        assembly, response = self.builder.measured(path, table, self.campaign, table.attachments, table.level)
         if table.kind == "natural frequencies":
             return self._frequencies(path, table, assembly)
         return self._frf(path, table, assembly, response)
@@ -77,14 +74,11 @@ class MeasurementReader:
         table = self.campaign.measurements[name]
         return self._errors(table.assembly, table.sensor, *table.attachments)
 
-    def candidate(self, name: str) -> Candidate | None:
-        """Return a candidate, or None after its mistakes are added."""
+    def candidate(self, name: str) -> Candidate:
+        """Return a candidate."""
         table, path = self.campaign.candidates[name], ("candidates", name)
         make = self.builder.make
-        assembled = self.builder.measured(path, table, self.campaign)
-        if assembled is None:
-            return None
-        assembly, response = assembled
+        assembly, response = self.builder.measured(path, table, self.campaign)
         common = {
             "label": name,
             "assembly": assembly,
@@ -93,14 +87,14 @@ class MeasurementReader:
         }
         if table.kind == "natural frequencies":
             spread = make((*path, "standard_deviation"), _deviations, table, assembly)
-            if spread is None:
-                return None
             observation = make(path, Observation.from_modes, modes=table.modes, standard_deviation_hz=spread, **common)
         else:
-            excitation = self.builder.place((*path, "excitation"), table.excitation, assembly)
-            lines = make(path, _lines, table)
-            if excitation is None or lines is None:
-                return None
+            excitation, lines = self.builder.together(
+                (
+                    partial(self.builder.place, (*path, "excitation"), table.excitation, assembly),
+                    partial(make, path, _lines, table),
+                )
+            )
             observation = make(
                 path,
                 Observation,
@@ -111,8 +105,6 @@ class MeasurementReader:
                 floor=table.floor or 0.0,
                 **common,
             )
-        if observation is None:
-            return None
         errors = self._errors(table.assembly, table.sensor)
         return make(path, Candidate, observation=observation, tolerances=errors, cost=table.cost)
 
@@ -125,29 +117,35 @@ class MeasurementReader:
         known = self._tolerances.get(assembly, ())
         return with_attachments(known, filter(None, points), self.campaign, self.builder.built)
 
-    def _frequencies(self, path: KeyPath, table: FrequenciesTable, assembly: Assembly) -> Observation | None:
-        make = self.builder.make
+    def _frequencies(self, path: KeyPath, table: FrequenciesTable, assembly: Assembly) -> Observation:
+        make, fail = self.builder.make, self.builder.fail
         if (table.file is None) == (table.frequencies is None):
             what = "neither frequencies nor a file" if table.file is None else "frequencies and a file"
-            self.builder.problems.add(path, f"has {what}, expected one of the two")
-            return None
-        source: KeyPath = (*path, "frequencies" if table.file is None else "file")
-        found = None if self.builder.problems.at(source) else make(source, frequencies_of, table, self.folder)
-        if found is None:
-            return None
-        given = make((*path, "standard_deviation"), deviations_of, table.standard_deviation, found.frequency_hz)
-        damping = make((*path, "damping_ratios"), damping_of, table, found)
-        if self.builder.problems.at((*path, "standard_deviation")) or damping is None:
-            return None
+            fail(path, f"has {what}, expected one of the two")
+        if table.file is not None:
+            source = (*path, "file")
+            self.builder.require(source)
+            rows = make(source, read_frequencies, self.folder / table.file)
+            if table.damping_ratios is not None and rows["damping_ratios"] is not None:
+                fail((*path, "damping_ratios"), "has damping ratios and so has the file, expected one of the two")
+            stated = {key: getattr(table, key) for key in rows}
+            table = table.with_(**rows | {key: value for key, value in stated.items() if value is not None})
+        frequencies, ratios = table.frequencies or [], table.damping_ratios
+        if ratios is None and table.damping_deviation is not None:
+            fail((*path, "damping_ratios"), "has a damping_deviation, but no damping_ratios")
+        spread, of_ratios = self.builder.together(
+            partial(make, (*path, key), deviations_of, getattr(table, key), values)
+            for key, values in (("standard_deviation", frequencies), ("damping_deviation", ratios or []))
+        )
         return make(
             path if table.modes is None else (*path, "modes"),
             Observation.from_modes,
             assembly=assembly,
-            frequency_hz=found.frequency_hz,
-            modes=found.modes,
-            standard_deviation_hz=given or found.deviation_hz,
-            damping_ratio=damping[0],
-            standard_deviation_damping=damping[1],
+            frequency_hz=frequencies,
+            modes=table.modes,
+            standard_deviation_hz=spread,
+            damping_ratio=ratios,
+            standard_deviation_damping=of_ratios,
             label=path[-1],
             configuration=table.assembly,
             conditions=self._conditions(table),
@@ -155,26 +153,18 @@ class MeasurementReader:
 
     def _frf(
         self, path: KeyPath, table: FRFTable | HammerTable, assembly: Assembly, response: Coordinate
-    ) -> Observation | None:
+    ) -> Observation:
         make = self.builder.make
         excitation = self.builder.place((*path, "excitation"), table.excitation, assembly)
-        there = not any(self.builder.problems.at((*path, key)) for key in ("file", "coherence"))
-        if excitation is None or not there:
-            return None
-        found: FRF | None
+        self.builder.require((*path, "file"), (*path, "coherence"))
         if table.kind == "hammer records":
             records = make((*path, "file"), read_records, table, self.folder)
-            found = None if records is None else make(path, estimate_hammer_frf, records, table)
+            frf = make(path, estimate_hammer_frf, records, table)
         else:
-            found = make((*path, "file"), read_entry, table, self.folder)
-        if found is None:
-            return None
-        frf = make(path, with_places, found, table, response, excitation, str(path[-1]))
-        if frf is None:
-            return None
-        place: KeyPath = path if table.bands is None else (*path, "bands")
-        observation = make(place, self._observed, frf, table, assembly)
-        for note in () if observation is None else observation.notes:
+            frf = make((*path, "file"), read_entry, table, self.folder)
+        frf = make(path, with_places, frf, table, response, excitation, str(path[-1]))
+        observation = make(path if table.bands is None else (*path, "bands"), self._observed, frf, table, assembly)
+        for note in observation.notes:
             self.builder.note(path, note)
         return observation
 
@@ -418,24 +408,6 @@ def _unsigned(written: str) -> str:
 
 # Natural frequencies --------------------------------------------------------------------------------------------------
 
-_UNKNOWN = "unknown"
-_RATIO = 'a damping ratio such as "1.2 %", or "unknown"'
-_SPREAD = 'a standard deviation such as "5 %" of the ratio, or a number'
-
-
-@dataclass(frozen=True)
-class Frequencies:
-    """Measured modes, one item for each in every list.
-
-    Standard deviations are in Hz, those of damping relative to the ratios; an unknown damping ratio is NaN.
-    """
-
-    frequency_hz: list[float]
-    modes: list[int] | None = None
-    deviation_hz: list[float] | None = None
-    damping: list[float] | None = None
-    damping_deviation: list[float] | None = None
-
 
 @dataclass(frozen=True, kw_only=True)
 class _ModeRow:
@@ -449,27 +421,12 @@ class _ModeRow:
     damping_deviation: Annotated[float | None, units.SHARE] = None
 
 
-def deviations_of(written: str | list[str] | None, frequency_hz: list[float]) -> list[float] | None:
-    """Return the standard deviations of frequencies in Hz; one text stands for all of them."""
-    if written is None:
-        return None
-    texts = [written] * len(frequency_hz) if isinstance(written, str) else written
-    if len(texts) != len(frequency_hz):
-        raise ValueError(f"is a list of {len(texts)}, expected one text for all or {len(frequency_hz)}, one for each")
-    found: list[float] = []
-    for text, frequency in zip(texts, frequency_hz, strict=True):
-        deviation: Deviation = parse_deviation(text, units.FREQUENCY)
-        if deviation.amount <= 0.0:
-            raise ValueError(f"is {shown(text)}, expected more than zero")
-        found.append(deviation.of(frequency))
-    return found
-
-
-def read_frequencies(path: Path) -> Frequencies:
-    """Read a CSV file of natural frequencies; it may raise a CampaignError, with all mistakes, or an OSError.
+def read_frequencies(path: Path) -> dict[str, Any]:
+    """Return the keys of a table of natural frequencies from a CSV file.
 
     The first line names the columns: `frequency [Hz]` (or another unit of frequency), and optionally `mode`,
-    `standard_deviation [Hz]`, `damping_ratio [%]` and `damping_deviation [%]` of the ratio.
+    `standard_deviation [Hz]`, `damping_ratio [%]` and `damping_deviation [%]` of the ratio. It may raise a
+    CampaignError, with all mistakes, or an OSError.
     """
     rows = read_rows(path, _ModeRow, number_last=True)
 
@@ -482,46 +439,22 @@ def read_frequencies(path: Path) -> Frequencies:
                 raise CampaignError(path, [Issue((name.replace("_", " "),), "is empty", row.line)])
         return [math.nan if cell is None else cell for cell in cells]
 
-    return Frequencies(
-        frequency_hz=[row.frequency for row in rows],
-        modes=column("mode"),
-        deviation_hz=column("standard_deviation"),
-        damping=column("damping_ratio", empty=True),
-        damping_deviation=column("damping_deviation", empty=True),
-    )
+    deviations, spread = column("standard_deviation"), column("damping_deviation", empty=True)
+    return {
+        "frequencies": [row.frequency for row in rows],
+        "modes": column("mode"),
+        "standard_deviation": deviations and [Deviation(deviation, False) for deviation in deviations],
+        "damping_ratios": column("damping_ratio", empty=True),
+        "damping_deviation": spread and [Deviation(deviation, True) for deviation in spread],
+    }
 
 
-def frequencies_of(table: FrequenciesTable, folder: Path) -> Frequencies:
-    """Return the measured modes from the table itself or from its CSV file."""
-    found = Frequencies(list(table.frequencies or [])) if table.file is None else read_frequencies(folder / table.file)
-    return replace(found, modes=table.modes or found.modes)
-
-
-def damping_of(table: FrequenciesTable, given: Frequencies) -> tuple[list[float] | None, list[float] | None]:
-    """Return damping ratios and their standard deviations."""
-    ratios, spread = given.damping, given.damping_deviation
-    if table.damping_ratios is not None:
-        if ratios is not None:
-            raise ValueError("has damping ratios and so has the file, expected one of the two")
-        ratios = [math.nan if text == _UNKNOWN else parse_share(text, _RATIO) for text in table.damping_ratios]
-    if ratios is None:
-        if table.damping_deviation is not None:
-            raise ValueError("has a damping_deviation, but no damping_ratios")
-        return None, None
-    if table.damping_deviation is None:
-        deviations = None if spread is None else [_positive(s * r, r) for s, r in zip(spread, ratios, strict=True)]
-        return ratios, deviations
-    written = table.damping_deviation
-    listed = written if isinstance(written, list) else [written] * len(ratios)
-    if len(listed) != len(ratios):
-        raise ValueError(f"has {len(listed)} damping deviations, expected one for all or {len(ratios)}, one for each")
-    return ratios, [_positive(_deviation(one, ratio), ratio) for one, ratio in zip(listed, ratios, strict=True)]
-
-
-def _deviation(written: str | float, ratio: float) -> float:
-    return parse_share(written, _SPREAD) * ratio if isinstance(written, str) else float(written)
-
-
-def _positive(deviation: float, ratio: float) -> float:
-    """Return a standard deviation; for an unknown ratio a positive value without effect."""
-    return 1.0 if math.isnan(ratio) else deviation
+def deviations_of(deviations: Deviation | list[Deviation] | None, values: Sequence[float]) -> list[float] | None:
+    """Return the standard deviations of values in their unit; one may stand for all of them."""
+    if deviations is None:
+        return None
+    several = deviations if isinstance(deviations, list) else [deviations] * len(values)
+    if len(several) != len(values):
+        raise ValueError(f"is a list of {len(several)}, expected one for all or {len(values)}, one for each")
+    # An unknown value has a deviation without effect.
+    return [1.0 if math.isnan(value) else deviation.of(value) for deviation, value in zip(several, values, strict=True)]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import identify_campaign
-from receptance.campaign.problems import CampaignError, Issue, errors_about
+from receptance.campaign.problems import CampaignError, errors_about
 from receptance.fit import Identification, PredictedMode, Scatter, Tolerance
 from receptance.fit.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.fit.parameters import Site
@@ -126,63 +126,51 @@ class Prediction(Result):
         rms = "" if self.rms_percent is None else f", rms {self.rms_percent:.3g} %"
         return f"Prediction({self.provenance.title!r}, {counts}{rms})"
 
-    def _interval_column(self) -> Column:
-        return Column(f"{100.0 * self.level:g} % interval", "Hz", ".1f")
-
-    def _interval(self, mode: PredictedMode) -> Cell:
-        return UNINFORMATIVE if mode.uninformative(self.level) else mode.interval_hz(self.level)
-
-    def _frequency_table(self, title: str, several: list[PredictedFrequencies]) -> Table:
-        columns = (
-            "name",
-            Column("mode", form="d"),
+    def _columns(self, *first: Column | str) -> tuple[Column | str, ...]:
+        """Return the columns of tables of natural frequencies or peaks."""
+        return (
+            *first,
             Column("measured", "Hz", ".1f"),
             Column("predicted", "Hz", ".1f"),
-            self._interval_column(),
+            Column(f"{100.0 * self.level:g} % interval", "Hz", ".1f"),
             Column("error", "%", "+.2f"),
             Column("within"),
-            "mostly from",
         )
-        rows: list[list[Cell]] = []
-        for one in several:
-            for i, mode in enumerate(one.modes):
-                rows.append(
-                    [
-                        one.name if i == 0 else None,
-                        mode.mode,
-                        mode.measured_hz,
-                        mode.predicted_hz,
-                        self._interval(mode),
-                        mode.error_percent,
-                        mode.within(self.level),
-                        _largest(one.scatter, i),
-                    ]
-                )
+
+    def _compared(self, mode: PredictedMode) -> list[Cell]:
+        """Return the cells of interval, error and within."""
+        interval = UNINFORMATIVE if mode.uninformative(self.level) else mode.interval_hz(self.level)
+        return [interval, mode.error_percent, mode.within(self.level)]
+
+    def _frequency_table(self, title: str, several: list[PredictedFrequencies]) -> Table:
+        rows: list[list[Cell]] = [
+            [
+                frequencies.name if i == 0 else None,
+                mode.mode,
+                mode.measured_hz,
+                mode.predicted_hz,
+                *self._compared(mode),
+                _largest(frequencies.scatter, i),
+            ]
+            for frequencies in several
+            for i, mode in enumerate(frequencies.modes)
+        ]
+        columns = (*self._columns("name", Column("mode", form="d")), "mostly from")
         return Table(title, columns, rows).without_empty()
 
     def _peak_table(self) -> Table:
-        columns = (
-            "measurement",
-            Column("measured", "Hz", ".1f"),
-            Column("predicted", "Hz", ".1f"),
-            self._interval_column(),
-            Column("error", "%", "+.2f"),
-            Column("within"),
-        )
         rows: list[list[Cell]] = [
             [
                 frf.name if i == 0 else None,
                 "none" if peak.measured_hz is None else peak.measured_hz,
                 "none" if peak.predicted_hz is None else peak.predicted_hz,
-                self._interval(peak),
-                peak.error_percent,
-                peak.within(self.level),
+                *self._compared(peak),
             ]
             for frf in self.frfs
             if frf.measured is not None
             for i, peak in enumerate(frf.peaks)
         ]
-        return Table("Peaks of FRFs held out", columns, rows)
+        return Table("Peaks of FRFs held out", self._columns("measurement"), rows)
 
     def _frf_table(self) -> Table:
         columns = (
@@ -233,8 +221,9 @@ def predict_campaign(campaign: CampaignData, identified: Identification | None) 
     """Predict held-out measurements and assemblies without measurements; see `Campaign.predict`."""
     held_out, unmeasured = campaign.held_out, campaign.unmeasured
     if not held_out and not unmeasured:
-        text = 'there is nothing to predict, expected a measurement with the role "hold out" or an assembly without one'
-        raise CampaignError.about(campaign.file, text)
+        raise campaign.error(
+            'there is nothing to predict, expected a measurement with the role "hold out" or an assembly without one'
+        )
     if identified is None and campaign.unknowns:
         identified = identify_campaign(campaign)
     notes = list(campaign.notes if identified is None else identified.notes)
@@ -265,7 +254,7 @@ def predict_campaign(campaign: CampaignData, identified: Identification | None) 
                 modes = predicted.observed_modes(measured)
                 frequencies.append(replace(modes, name=name, assembly=measured.configuration))
     if not frequencies and not frfs:
-        raise CampaignError.about(campaign.file, "; ".join(reasons.values()))
+        raise campaign.error("; ".join(reasons.values()))
     notes += [f"not predicted: {reason}" for reason in reasons.values()]
     wide = [frf.name for frf in frfs if np.nanmax(frf.scatter.total) > _WIDE]
     if wide:
@@ -293,24 +282,10 @@ def predict_assembly(
     notes: list[str],
     threads: int | None = None,
 ) -> PredictedAssembly:
-    """Return the predictions of an assembly, and add notes on parameters that are not identified or not in it.
+    """Return the predictions of an assembly, and add to `notes` parameters that are not identified or not in it.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-    identified : Identification or None
-        The fit; None without unknowns.
-    site : Site
-        The assembly with its configuration and conditions.
-    tolerances : sequence of Tolerance
-        Its errors.
-    name : str
-        Name of the prediction in notes and messages.
-    notes : list of str
-        List to which notes are added.
-    threads : int, optional
-        Number of threads; by default that of the fit.
+    Without unknowns `identified` is None. The assembly, with its configuration and conditions, and its errors are those
+    of `site` and `tolerances`; `name` is that of the prediction in notes and messages.
 
     Raises
     ------
@@ -322,7 +297,7 @@ def predict_assembly(
     try:
         predicted = identified.predictor.at(site, tolerances, threads)
     except ValueError as error:
-        raise CampaignError.about(campaign.file, f"{name} cannot be predicted: {error}") from None
+        raise campaign.error(f"{name} cannot be predicted: {error}") from None
     identifiable = {address for unknown in identified.task.parameters.given for address in unknown.addresses}
     if not any(covered(address, site.assembly) for address in identifiable):
         notes.append(f"{name}: the assembly has none of the identified parameters")
@@ -358,15 +333,13 @@ def prediction_lines(campaign: CampaignData, assembly: Assembly) -> NDArray[np.f
     settings = campaign.table.prediction
     upper = campaign.highest_frequency
     if upper is None:
-        raise CampaignError.about(
-            campaign.file, "the highest frequency of predictions is not given, expected `prediction.upper`"
-        )
+        raise campaign.error("the highest frequency of predictions is not given, expected `prediction.upper`")
     try:
         modes = assembly.natural_frequencies(upper) if assembly.countable else np.empty(0)
     except ValueError as error:
         expected = f"expected one near those of the measurements, or other sizes of {', '.join(assembly.elements)}"
-        problem = Issue(("prediction", "upper"), f"is {upper:g} Hz for predictions: {error}; {expected}")
-        raise CampaignError(campaign.file, [problem]) from None
+        text = f"is {upper:g} Hz for predictions: {error}; {expected}"
+        raise campaign.error(text, "prediction", "upper") from None
     lower = settings.lower if settings.lower is not None else 0.1 * float(modes[0] if modes.size else upper)
     return lines_between(campaign, lower, upper, _LINES)
 
@@ -375,11 +348,13 @@ def lines_between(campaign: CampaignData, lower: float, upper: float, steps: int
     """Return the lines in Hz between two limits, `steps` steps without `prediction.step`."""
     settings = campaign.table.prediction
     if lower >= upper:
-        text = f"predictions are from {lower:g} to {upper:g} Hz, expected `lower` below `upper` in `prediction`"
-        raise CampaignError.about(campaign.file, text)
+        raise campaign.error(
+            f"predictions are from {lower:g} to {upper:g} Hz, expected `lower` below `upper` in `prediction`"
+        )
     step = settings.step if settings.step is not None else (upper - lower) / steps
     count = int((upper - lower) / step * (1.0 + 1e-12)) + 1
     if count > _MOST_LINES:
-        text = f"predictions have {count} lines, expected at most {_MOST_LINES}; give a larger `prediction.step`"
-        raise CampaignError.about(campaign.file, text)
+        raise campaign.error(
+            f"predictions have {count} lines, expected at most {_MOST_LINES}; give a larger `prediction.step`"
+        )
     return lower + step * np.arange(count, dtype=np.float64)

@@ -6,6 +6,7 @@ import math
 import re
 import tomllib
 from collections.abc import Callable, Mapping
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,15 +16,16 @@ from receptance._files import not_found, read_whole
 from receptance._text import did_you_mean, shown
 from receptance.campaign.build import Builder, Built, modal_unknowns
 from receptance.campaign.cuts import CampaignCut, build_cut
-from receptance.campaign.keys import OWNERS, WRONG, NamedTables, Names, Place, TableOf
+from receptance.campaign.keys import OWNERS, WRONG, NamedTables, Place
 from receptance.campaign.measurements import MeasurementReader, note_repeated
 from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems
-from receptance.campaign.schema import CampaignTable
+from receptance.campaign.schema import CampaignTable, SeriesTable
 from receptance.campaign.tolerances import tolerances_of_assembly
 from receptance.errors import warn_user
 from receptance.fit.observation import Observation
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
+from receptance.predict import Candidate
 from receptance.units import parse_any
 
 FILE = "campaign.toml"
@@ -74,15 +76,15 @@ def campaign_fields(
     measurements: dict[str, Observation] = {}
     for name in table.measurements:
         say(f"reading {name}, {len(measurements) + 1} of {len(table.measurements)}")
-        measured = reader.measurement(name)
-        if measured is not None:
-            measurements[name] = measured
+        builder.store(measurements, name, reader.measurement, name)
     note_repeated(measurements, table, builder)
-    possible = {name: reader.candidate(name) for name in table.candidates}
+    candidates: dict[str, Candidate] = {}
+    for name in table.candidates:
+        builder.store(candidates, name, reader.candidate, name)
     places = _places(table, built, builder)
-    cuts: dict[str, CampaignCut | None] = {}
-    if table.cuts:
-        cuts = {name: build_cut(name, reader, measurements) for name in table.cuts}
+    cuts: dict[str, CampaignCut] = {}
+    for name in table.cuts:
+        builder.store(cuts, name, build_cut, name, reader, measurements)
     _check_stability(table, problems)
     _check_weights(measurements, table, problems)
     if not problems.found:
@@ -100,8 +102,8 @@ def campaign_fields(
         "unknowns": tuple(built.unknowns.values()),
         "tolerances": tolerances,
         "places": places,
-        "candidates": {name: one for name, one in possible.items() if one is not None},
-        "cuts": {name: cut for name, cut in cuts.items() if cut is not None},
+        "candidates": candidates,
+        "cuts": cuts,
         "built": built,
         "contents": data,
         "templates": {
@@ -121,12 +123,10 @@ def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
     data = tomllib.loads(text)
     problems = Problems(text)
     table, builder, _ = _build(expand_series(data, problems), problems, None)
-    found = {}
+    found: dict[str, tuple[Assembly, Coordinate]] = {}
     for name, measurement in table.measurements.items():
-        path = ("measurements", name)
-        assembled = builder.measured(path, measurement, table, measurement.attachments, measurement.level)
-        if assembled is not None:
-            found[name] = assembled
+        of = (("measurements", name), measurement, table, measurement.attachments, measurement.level)
+        builder.store(found, name, builder.measured, *of)
     if problems.found:
         raise CampaignError("the campaign", problems.in_file())
     return found
@@ -211,9 +211,9 @@ def _tables(data: dict[str, Any], problems: Problems, folder: Path | None) -> Ca
     broken |= problems.incomplete
     _check_owners(named, problems)
     empty: dict[str, Any] = {section: {} for section in _REQUIRED}
-    place = Place(problems, Names(named, frozenset(broken), folder))
+    place = Place(problems, named, frozenset(broken), folder)
     written = {**empty, **data} if "cuts" in data else data
-    values = place.keys(TableOf(CampaignTable), written)
+    values = place.keys(CampaignTable.keys(), written)
     usable = {key: value for key, value in values.items() if value is not WRONG and key in CampaignTable.declared}
     return CampaignTable(**{**empty, **usable})
 
@@ -233,12 +233,17 @@ def _places(table: CampaignTable, built: Built, builder: Builder) -> dict[str, t
     """Return response and excitation at which assemblies without measurements are predicted."""
     measured = {measurement.assembly for measurement in table.measurements.values()}
     found: dict[str, tuple[Coordinate, Coordinate]] = {}
+
+    def places(assembly: Assembly) -> tuple[Coordinate, Coordinate]:
+        sides = ("response", "excitation")
+        response, excitation = builder.together(
+            partial(builder.place, ("prediction", side), getattr(table.prediction, side), assembly) for side in sides
+        )
+        return response, excitation
+
     for name, assembly in built.assemblies.items():
         if name not in measured:
-            response = builder.place(("prediction", "response"), table.prediction.response, assembly)
-            excitation = builder.place(("prediction", "excitation"), table.prediction.excitation, assembly)
-            if response is not None and excitation is not None:
-                found[name] = (response, excitation)
+            builder.store(found, name, places, assembly)
     return found
 
 
@@ -313,27 +318,29 @@ def expand_series(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
         for path in templates:
             problems.add(path, f"has {LEVEL} in its name, but the file has no `series`, expected one with `levels`")
         return _without(data, templates, problems)
-    levels = series.get("levels") if isinstance(series, dict) else None
-    over = series.get("over") if isinstance(series, dict) else None
-    if not isinstance(over, str) or not isinstance(levels, list) or not all(map(_is_level, levels)) or not levels:
-        return _without(data, templates, problems)  # the validation of the table reports the mistake
+    place, keys = Place(Problems(), {}, frozenset(), None), SeriesTable.keys()
+    values = place.keys(keys, series) if isinstance(series, dict) else {}
+    levels, over = values.get("levels", WRONG), values.get("over", WRONG)
+    if levels is WRONG or over is WRONG:
+        return _without(data, templates, problems)  # the reading of all tables reports the mistake
     names = [_level_text(level) for level in levels]
-    if not templates and not _conditioned(data, over):
+    assemblies = (one for one in _section(data, "assemblies").values() if isinstance(one, dict))
+    if not templates and not any(over in _section(one, "conditions") for one in assemblies):
         text = f"is not used: no assembly or measurement has {LEVEL} in its name, and no assembly has the condition"
         problems.add(("series",), f"{text} {shown(over)}")
     for index, name in enumerate(names):
         if name in names[:index]:
             problems.add(("series", "levels", index), f"is {shown(levels[index])} for the second time")
     _check_units(levels, problems)
-    out = series.get("hold_out", [])
-    held = [_level_text(level) for level in out if _is_level(level)] if isinstance(out, list) else []
+    out = values.get("hold_out", WRONG)
+    held = [] if out is WRONG else [_level_text(level) for level in out]
     for index, name in enumerate(held):
         if name not in names:
             text = f"is {shown(name)}, which is not one of the levels{did_you_mean(name, names)}"
             problems.add(("series", "hold_out", index), text)
     found = data | {section: dict(data[section]) for section, _ in templates}
     for section, template in templates:
-        table = found[section].pop(template)
+        contents = found[section].pop(template)
         for name in dict.fromkeys(names):
             own = _substitute_level(template, name)
             if own in found[section]:
@@ -341,16 +348,9 @@ def expand_series(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
                     (section, template), f"becomes {shown(own)} at a level, which is the name of another table"
                 )
                 continue
-            found[section][own] = _table_at_level(section, table, name, over, name in held)
+            found[section][own] = _table_at_level(section, contents, name, over, name in held)
             problems.templates[section, own] = (section, template)
     return found
-
-
-def _conditioned(data: Mapping[str, Any], over: str) -> bool:
-    """Return whether an assembly has the condition, without a template."""
-    return any(
-        over in _section(one, "conditions") for one in _section(data, "assemblies").values() if isinstance(one, dict)
-    )
 
 
 def _check_units(levels: list[Any], problems: Problems) -> None:
@@ -395,10 +395,6 @@ def _substituted(thing: Any, level: str) -> Any:
 def _substitute_level(text: str, level: str) -> str:
     number = _NUMBER.match(level)
     return text.replace(LEVEL, level).replace(_VALUE, number[1] if number else level)
-
-
-def _is_level(level: Any) -> bool:
-    return isinstance(level, (str, int, float)) and not isinstance(level, bool)
 
 
 def _level_text(level: Any) -> str:

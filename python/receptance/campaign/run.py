@@ -10,7 +10,7 @@ from typing import Literal
 import receptance
 from receptance import campaign, coupling, diagnosis
 from receptance.campaign.data import CampaignData
-from receptance.campaign.identification import fit_options, identify_campaign, transfer_errors
+from receptance.campaign.identification import fit_options, identify_campaign, invert_campaign, transfer_errors
 from receptance.campaign.problems import errors_about
 from receptance.fit import Identification, Observation
 
@@ -79,7 +79,7 @@ class Campaign(CampaignData):
         CampaignError
             No such joint was measured with an FRF, or the FRFs have no lines in common.
         """
-        return campaign.inversion.invert_campaign(self, joint, limit)
+        return invert_campaign(self, joint, limit)
 
     def compare(
         self,

@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from receptance.campaign import schema as tables
-from receptance.campaign.keys import ElementOf, KeyTable, TableOf
+from receptance.campaign.keys import Keys, KeyTable, element_keys
 from receptance.model.beams import Section
 from receptance.model.joints import PointJoint
 
@@ -20,9 +20,9 @@ _SECTIONS: tuple[tuple[Any, str], ...] = (
     (tables.MODE, "`[[modal_parts.NAME.modes]]`"),
     (tables.JOINTS.by_word["point"], "`[joints.NAME]`"),
     (tables.JOINTS.by_word["spread"], '`[joints.NAME]` with `kind = "spread"`'),
-    (ElementOf(Section, name="SectionMemberTable"), "`shank` and `sleeve` of a spread joint"),
+    (element_keys(Section, title="SectionMemberTable"), "`shank` and `sleeve` of a spread joint"),
     (tables.JOINTS.by_word["collet"], '`[joints.NAME]` with `kind = "collet"`'),
-    (ElementOf(PointJoint, name="PointJointMemberTable"), "`inner` and `outer` of a collet"),
+    (element_keys(PointJoint, title="PointJointMemberTable"), "`inner` and `outer` of a collet"),
     (tables.JOINTS.by_word["micro-slip"], '`[joints.NAME]` with `kind = "micro-slip"`'),
     (tables.SENSOR, "`[sensors.NAME]`"),
     (tables.ATTACHMENTS.by_word["mass"], '`[attachments.NAME]` with `kind = "mass"`'),
@@ -62,7 +62,7 @@ def json_schema() -> dict[str, Any]:
     >>> json_schema()["anyOf"]
     [{'required': ['materials', 'parts', 'assemblies']}, {'required': ['cuts']}]
     """
-    schema = TableOf(tables.CampaignTable).definition()
+    schema = tables.CampaignTable.keys().definition()
     needed = schema.pop("required")
     return {
         "$schema": _DIALECT,
@@ -74,8 +74,8 @@ def json_schema() -> dict[str, Any]:
     }
 
 
-def _keys(table: type[KeyTable] | ElementOf) -> ElementOf | TableOf[Any]:
-    return table if isinstance(table, ElementOf) else TableOf(table)
+def _keys(table: type[KeyTable] | Keys[Any]) -> Keys[Any]:
+    return table if isinstance(table, Keys) else table.keys()
 
 
 def field_tables() -> str:

@@ -17,7 +17,7 @@ from receptance.campaign.cuts import CampaignCut, Tip
 from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import identify_campaign
 from receptance.campaign.prediction import predict_assembly, prediction_lines
-from receptance.campaign.problems import CampaignError, errors_about
+from receptance.campaign.problems import errors_about
 from receptance.diagnosis import HeldOut, Metric
 from receptance.fit import Identification, Observation
 from receptance.fit.predictor import PredictedAssembly
@@ -215,8 +215,7 @@ def stability_of_campaign(
     chosen = campaign.select_cuts(cuts)
     settings = campaign.table.stability
     speeds = campaign.spindle_speeds()
-    predicted = any(tip is not None and tip.assembly for cut in chosen for tip in (cut.x, cut.y))
-    if not predicted:
+    if not any(cut.is_predicted for cut in chosen):
         identified = None
     elif identified is None and campaign.unknowns:
         identified = identify_campaign(campaign)
@@ -228,17 +227,11 @@ def stability_of_campaign(
         with errors_about(campaign.file, f"cuts.{cut.name}: "):
             tips = Tips(campaign, identified, directions)
             lobes = _lobes(campaign, cut, tips, speeds)
-            rejection = (*_rejection_of_fit(cut, identified), *lobes.rejection)
-            found[cut.name] = replace(lobes, rejection=rejection, provenance=provenance)
+            of_fit = identified.rejection if identified is not None and cut.is_predicted else ()
+            found[cut.name] = replace(lobes, rejection=(*of_fit, *lobes.rejection), provenance=provenance)
     notes = [*(campaign.notes if identified is None else identified.notes)]
     notes += [f"{name}: {note}" for name, one in found.items() for note in one.notes]
     return Stability(found, identified=identified, provenance=provenance, notes=notes)
-
-
-def _rejection_of_fit(cut: CampaignCut, identified: Identification | None) -> tuple[str, ...]:
-    """Return the rejection of the fit if it predicts a tip of a cut."""
-    predicted = any(tip is not None and tip.assembly for tip in (cut.x, cut.y))
-    return identified.rejection if predicted and identified is not None else ()
 
 
 def _lobes(campaign: CampaignData, cut: CampaignCut, tips: Tips, speeds: NDArray[np.float64]) -> Lobes:
@@ -302,15 +295,15 @@ def named_metrics(campaign: CampaignData, names: Sequence[str]) -> dict[str, Met
     found: dict[str, Metric] = {}
     for name in names:
         if name not in _METRICS:
-            text = f'there is no metric "{name}"; there are {", ".join(_METRICS)}{did_you_mean(name, _METRICS)}'
-            raise CampaignError.about(campaign.file, text)
+            raise campaign.error(
+                f'there is no metric "{name}"; there are {", ".join(_METRICS)}{did_you_mean(name, _METRICS)}'
+            )
         if not campaign.cuts:
-            text = f"there is no cut for the metric {name}, expected [cuts.NAME]"
-            raise CampaignError.about(campaign.file, text)
+            raise campaign.error(f"there is no cut for the metric {name}, expected [cuts.NAME]")
         if not any(_is_tip_receptance(observation) for observation in campaign.measurements.values()):
             text = f"no measurement can be used for {name}, expected an FRF with response and excitation at one place, "
             text += "both along y"
-            raise CampaignError.about(campaign.file, text)
+            raise campaign.error(text)
         for cut in campaign.cuts.values():
             found[f"stable depth of {cut.name}, error in percent"] = partial(_error_of_depth, cut)
     return found

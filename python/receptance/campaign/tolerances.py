@@ -16,7 +16,7 @@ from receptance.campaign.schema import CampaignTable
 from receptance.campaign.values import Deviation
 from receptance.fit.unknowns import Tolerance, covered
 from receptance.model.assembly import Assembly
-from receptance.model.beams import Material, Part, Segment
+from receptance.model.beams import Material, Segment
 from receptance.model.fields import Member
 
 Errors = dict[tuple[str, bool], dict[str, float]]
@@ -115,9 +115,9 @@ def _identified(assembly: Assembly, built: Built) -> set[str]:
 
 def _inherited(assembly: Assembly, campaign: CampaignTable, parts: Mapping[str, Deviations]) -> Iterator[_Inherited]:
     """Yield the tolerances of the elements, materials and attachments of an assembly."""
-    for name, element in assembly.elements.items():
-        if name in parts and isinstance(element, Part):
-            for index, segment in enumerate(element.segments):
+    for name in assembly.elements:
+        if name in parts:
+            for index, segment in enumerate(assembly.parts[name].segments):
                 yield from _of_segment(f"{name}.segment[{index}]", segment, parts[name], campaign)
         elif name in campaign.joints:
             joint = campaign.joints[name]
@@ -137,8 +137,8 @@ def _of_segment(first: str, segment: Segment, own: Deviations, campaign: Campaig
         if address in own:
             yield address, (address,), own[address]
     for name, member in Segment.declared.items():
-        material = getattr(segment, name) if isinstance(member, Member) else None
-        if isinstance(member, Member) and isinstance(material, Material) and material.name in campaign.materials:
+        material = getattr(segment, name)
+        if isinstance(member, Member) and material is not None and material.name in campaign.materials:
             place: KeyPath = ("materials", material.name)
             yield from _own(place, _prefixed(first, member), campaign.materials[material.name].tolerance)
 

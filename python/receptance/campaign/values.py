@@ -89,6 +89,29 @@ def small_deviation(quantity: Quantity) -> Quantity:
     return Quantity(quantity.name, quantity.unit, example, least=0.0, written=(0.0, quantity.written[1]))
 
 
+def parse_frequency_deviation(text: str) -> Deviation:
+    """Return the standard deviation of a natural frequency, in Hz or relative."""
+    deviation = parse_deviation(text, units.FREQUENCY)
+    if deviation.amount <= 0.0:
+        raise ValueError(f"is {shown(text)}, expected more than zero")
+    return deviation
+
+
+def parse_damping_ratio(text: str) -> float:
+    """Return a damping ratio from a percentage; NaN for "unknown"."""
+    return math.nan if text == "unknown" else parse_share(text, 'a damping ratio such as "1.2 %", or "unknown"')
+
+
+def parse_damping_deviation(written: Any) -> Deviation:
+    """Return the standard deviation of a damping ratio: a percentage of it, or a number."""
+    expected = 'a standard deviation such as "5 %" of the ratio, or a number'
+    if isinstance(written, str):
+        return Deviation(parse_share(written, expected), True)
+    if isinstance(written, bool) or not isinstance(written, (int, float)):
+        raise ValueError(f"is {shown(written)}, expected {expected}")
+    return Deviation(float(written), False)
+
+
 # Conditions and levels -----------------------------------------------------------------------------------------------
 
 
@@ -192,8 +215,3 @@ def kind_of(address: str) -> Quantity:
         near = did_you_mean(field, PARAMETERS)
         raise ValueError(f'names an unknown quantity "{field}"{near}; expected {one_of(PARAMETERS)}')
     return PARAMETERS[field]
-
-
-def value_at(address: str, value: Any) -> float:
-    """Return the value of the parameter at an address in SI units."""
-    return parse(value, kind_of(address))

@@ -28,14 +28,13 @@ from receptance.diagnosis.model import Model
 from receptance.diagnosis.wording import title_of
 from receptance.errors import ReceptanceWarning
 from receptance.fit.observation import Observation, altered
-from receptance.fit.unknowns import Law, Move, Prior, Tolerance, Unknown, covered
+from receptance.fit.unknowns import Law, Move, Tolerance, Unknown, covered
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Material, Part
 from receptance.model.coordinates import Coordinate
 from receptance.model.fields import Element, Member
 from receptance.model.joints import GroundSpring, PointMass, Resonator
 from receptance.model.terminals import ModalPart
-from receptance.units import Quantity
 
 
 class _Materials:
@@ -85,7 +84,7 @@ def attachment_table(point: PointMass | GroundSpring | Resonator) -> dict[str, A
     ValueError
         The ground spring is distributed along a part.
     """
-    if isinstance(point, GroundSpring) and point.length:
+    if getattr(point, "length", 0.0):
         raise ValueError(f"{point!r} is distributed along a part and cannot be written as a table of a campaign")
     place = {"kind": ATTACHMENTS.kind_of(point), "part": point.part, "position": _POSITION.write(point.position)}
     return {**place, **_field_table(point, _Materials())}
@@ -114,8 +113,10 @@ def _unknown_table(unknown: Unknown, start: float) -> dict[str, Any]:
     start = min(max(start, unknown.lower), unknown.upper)
     table: dict[str, Any] = {"lower": kind.text(unknown.lower), "upper": kind.text(unknown.upper)}
     table |= {"start": kind.text(start), "scale": unknown.scale}
-    if unknown.prior is not None:
-        table["prior"] = _prior(unknown.prior, unknown.scale == "log", kind)
+    if (prior := unknown.prior) is not None:
+        share = f"{100.0 * prior.standard_deviation!r} %"
+        spread = share if unknown.scale == "log" else kind.text(prior.standard_deviation)
+        table["prior"] = {"value": kind.text(prior.mean), "spread": spread}
     if unknown.configurations is not None:
         table["assemblies"] = list(unknown.configurations)
     if isinstance(unknown, Move):
@@ -126,11 +127,6 @@ def _unknown_table(unknown: Unknown, start: float) -> dict[str, Any]:
     if unknown.multiple != 1.0:
         table["multiple"] = unknown.multiple
     return {**table, **({"also": dict(unknown.also)} if unknown.also else {})}
-
-
-def _prior(prior: Prior, logarithmic: bool, kind: Quantity) -> dict[str, Any]:
-    spread = f"{100.0 * prior.standard_deviation!r} %" if logarithmic else kind.text(prior.standard_deviation)
-    return {"value": kind.text(prior.mean), "spread": spread}
 
 
 _SAME = 1e-6
@@ -153,6 +149,16 @@ class _Extended:
     def assembly(self) -> Assembly:
         """The assembly with the causes."""
         return self.found.assembly
+
+    @property
+    def changed(self) -> set[str]:
+        """Names of the elements that the causes change or add."""
+        before = self.given.assembly.elements
+        return {
+            name
+            for name, element in self.assembly.elements.items()
+            if type(element) is not type(before.get(name)) or element != before.get(name)
+        }
 
     def added(self, *, temporary: bool) -> list[str]:
         """Return the attachments that causes add, during this measurement only or always."""
@@ -205,7 +211,10 @@ def _extended(campaign: CampaignData, verdict: Verdict, folder: Path) -> dict[st
     }
     assemblies = {name: _of_assembly(campaign, base, explanation, name) for name in campaign.assemblies}
     _write_structure(data, campaign, assemblies, {a for u in explanation.fit.model.unknowns for a in addresses_of(u)})
-    end = _early_end(campaign, explanation)
+    # The end of truncated records, if a cause has identified it from all of them together.
+    before = {name: observation.ends for name, observation in campaign.measurements.items()}
+    ends = (one.ends for one in explanation.fit.model.receptances if one.ends != before[one.label])
+    end = max((end for end in ends if end is not None), default=None)
     seen = {observation.label for observation in base.observations}
     for name, measurement in measured.items():
         _write_measurement(data, name, measurement, name in seen)
@@ -229,13 +238,6 @@ def _extended(campaign: CampaignData, verdict: Verdict, folder: Path) -> dict[st
     data = {key: data[key] for key in (*(k for k in order if k in data), *(k for k in data if k not in order))}
     _check(campaign, explanation.fit, data, folder, with_discrepancy=verdict.discrepancy is not None)
     return data
-
-
-def _early_end(campaign: CampaignData, explanation: Explanation) -> float | None:
-    """Return the end of truncated records, if a cause has identified it from all of them together."""
-    given = {name: observation.ends for name, observation in campaign.measurements.items()}
-    found = explanation.fit.model.receptances
-    return max((one.ends for one in found if one.ends is not None and one.ends != given[one.label]), default=None)
 
 
 def _applied(
@@ -280,7 +282,7 @@ def _write_structure(
     tables: dict[str, tuple[Assembly, dict[str, Any]]] = {}
     for extended in assemblies.values():
         for name, element in extended.assembly.elements.items():
-            if name not in tables and any(_differs(name, other) for other in assemblies.values()):
+            if name not in tables and any(name in other.changed for other in assemblies.values()):
                 tables[name] = (extended.assembly, _element_table(element, materials))
     for name, (_, table) in tables.items():
         section = "parts" if "segments" in table else "modal_parts" if "modes" in table else "joints"
@@ -288,13 +290,6 @@ def _write_structure(
     for title, extended in assemblies.items():
         _write_assembly(data, title, extended, {name: base for name, (base, _) in tables.items()}, unknown)
     data["materials"].update(materials.added)
-
-
-def _differs(name: str, one: _Extended) -> bool:
-    new, old = one.assembly.elements.get(name), one.given.assembly.elements.get(name)
-    if new is None:
-        return False
-    return old is None or type(new) is not type(old) or new != old
 
 
 def _write_assembly(
@@ -494,17 +489,14 @@ def _on_diagnosed_lines(model: Model, diagnosed: Model, *, with_discrepancy: boo
     A discrepancy enlarges the standard deviations of the diagnosis; a campaign file does not describe it.
     """
     seen = {observation.label: observation for observation in diagnosed.observations}
+    fields = ("standard_deviation", "correlated_lines", "standard_deviation_damping") if with_discrepancy else ()
     kept: list[Observation] = []
     for observation in model.observations:
-        other = seen.get(observation.label)
-        if other is not None and observation.is_receptance:
-            good = np.isin(observation.frequency_hz, other.frequency_hz)
-            kept.append(observation.select(good))
-        elif other is not None:
-            kept.append(observation)
-        if with_discrepancy and other is not None:
-            fields = ("standard_deviation", "correlated_lines", "standard_deviation_damping")
-            kept[-1] = altered(kept[-1], **{name: getattr(other, name) for name in fields})
+        if (other := seen.get(observation.label)) is None:
+            continue
+        if observation.is_receptance:
+            observation = observation.select(np.isin(observation.frequency_hz, other.frequency_hz))
+        kept.append(altered(observation, **{name: getattr(other, name) for name in fields}))
     places = [one.site(i) for i, one in enumerate(kept)]
     tolerances = tuple(t for t in model.tolerances if any(p.among(t.configurations, t.labels) for p in places))
     return replace(model, observations=tuple(kept), tolerances=tolerances)
@@ -545,12 +537,12 @@ def with_campaign_lines(campaign: CampaignData, verdict: Verdict) -> Verdict:
         # Warnings on the data were given when they were read.
         warnings.simplefilter("ignore", ReceptanceWarning)
         try:
-            return replace(verdict, campaign_lines=changed_lines(campaign, verdict))
+            return replace(verdict, campaign_lines=_changed_lines(campaign, verdict))
         except ValueError:
             return verdict
 
 
-def changed_lines(campaign: CampaignData, verdict: Verdict) -> tuple[str, ...]:
+def _changed_lines(campaign: CampaignData, verdict: Verdict) -> tuple[str, ...]:
     """Return the lines in which the extended model of a diagnosis differs from the campaign file.
 
     They are what `extended_text` writes, with the same errors, without roles and start values of the unknowns that the

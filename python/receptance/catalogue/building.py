@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from receptance import _checks, coupling
 from receptance._text import instead_of
 from receptance.campaign import Campaign, CampaignError, Deviation, Issue
+from receptance.campaign.tolerances import inherited_tolerances
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
 from receptance.fit.covariance import square_root
 from receptance.fit.parameters import Site
@@ -114,7 +115,7 @@ class Catalogue:
             links.append(self.spindle)
         assembly = Assembly(links, [built.attachments[name] for name in self.table.attachments])
         parts: dict[str, dict[str, Deviation]] = {**{name: {} for name in self._holders}, _TOOL: deviations}
-        inherited = self.campaign.inherited_tolerances(assembly, parts)
+        inherited = inherited_tolerances(assembly, self.campaign.table, self.campaign.built, parts)
         by_name = {one.name: one for one in (*inherited, *self.errors)}
         return ToolAssembly(row, Site(assembly, row.name, "", row.conditions), tuple(by_name.values()))
 

@@ -8,12 +8,13 @@ from __future__ import annotations
 import sys
 import traceback
 from collections.abc import Callable
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from receptance import report
-from receptance._text import printable
+from receptance._text import instead_of, printable, shown
 from receptance.cli.campaigns import (
     check,
     diagnose,
@@ -66,7 +67,18 @@ def _root(
     del version
 
 
+class _Commands(TyperGroup):
+    """The group of all commands; a name that is none of them is answered with those that are."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        name = args[0]
+        if name not in self.commands and not name.startswith("-"):
+            ctx.fail(f"there is no command {shown(name)}{instead_of(name, self.commands)}")
+        return super().resolve_command(ctx, args)
+
+
 app = typer.Typer(
+    cls=_Commands,
     context_settings={"help_option_names": ["-h", "--help"]},
     no_args_is_help=True,
     pretty_exceptions_enable=False,

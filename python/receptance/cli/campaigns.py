@@ -43,7 +43,7 @@ def load_campaign(path: Path, targets: Targets, progress: Callable[[str], None])
     loaded = campaign.load(path, progress=progress)
     targets.protect(loaded.file, "the campaign file")
     files = [file for name in loaded.measurements for file in loaded.files_of(name)]
-    files += [tip.file for cut in loaded.cuts.values() for tip in (cut.x, cut.y) if tip is not None and tip.file]
+    files += [tip.file for cut in loaded.cuts.values() for tip in cut.tips if tip.file]
     if (table := loaded.table.catalogue) is not None:
         files += [name for name in (table.tools, table.holders) if name]
     for name in files:

@@ -8,9 +8,9 @@ from contextlib import suppress
 import numpy as np
 from scipy import stats
 
-from receptance import sweep
+from receptance import sweep, units
 from receptance.campaign import Campaign
-from receptance.campaign.values import value_at
+from receptance.campaign.values import kind_of
 from receptance.cli.running import InputError
 from receptance.fit.parameters import FACTORS
 from receptance.sweep import Candidates, Grid, Sampled
@@ -108,6 +108,6 @@ def _quantity(address: str, text: str, what: str) -> float:
     with suppress(ValueError):
         value = float(text)
     try:
-        return value_at(address, value)
+        return units.parse(value, kind_of(address))
     except ValueError as error:
         raise InputError(f"{what} {error}") from error

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import sys
 import tempfile
 import warnings
@@ -24,8 +23,8 @@ from receptance.cli.running import (
     input_errors,
     output,
     refuse_existing,
+    takes_options,
     takes_targets,
-    with_parameters,
 )
 from receptance.errors import ReceptanceWarning
 from receptance.units import form_name
@@ -51,21 +50,12 @@ def takes_reading(*, several: bool = False) -> Callable[[Callable[..., None]], C
 
     With `several` the command reads several files, and `coherence` is a list with a file for each.
     """
-
-    def with_options(command: Callable[..., None]) -> Callable[..., None]:
-        added = [_parameter(name, kind, option, several) for name, (kind, option) in reading_options().items()]
-
-        def called(**values: Any) -> None:
-            given = {one.name: values.pop(one.name) for one in added}
-            command(reading=reading_of(given), **values)
-
-        return with_parameters(command, called, added, without="reading")
-
-    return with_options
+    options = {name: _declared(name, kind, option, several) for name, (kind, option) in reading_options().items()}
+    return takes_options("reading", options, reading_of)
 
 
-def _parameter(name: str, kind: Any, option: Option, several: bool) -> inspect.Parameter:
-    """Return the parameter of a command for an option of reading."""
+def _declared(name: str, kind: Any, option: Option, several: bool) -> tuple[Any, Any]:
+    """Return the type and the default of an option of reading."""
     typed: Any = {bool: bool, float | None: float | None}.get(kind, str | None)
     text = option.text
     if name == "coherence":
@@ -82,10 +72,7 @@ def _parameter(name: str, kind: Any, option: Option, several: bool) -> inspect.P
         metavar=option.value or None,
         help=f"{text[0].upper()}{text[1:]}.".replace("[", r"\["),
     )
-    default = False if kind is bool else None
-    return inspect.Parameter(
-        name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[typed, declared]
-    )
+    return Annotated[typed, declared], False if kind is bool else None
 
 
 def reading_of(given: Mapping[str, Any]) -> ReadingOptions:

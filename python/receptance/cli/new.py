@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import re
 import shlex
 import sys
@@ -20,7 +19,7 @@ from receptance._files import check_target, created_folder, write_whole
 from receptance._reading import ReadingOptions
 from receptance._text import instead_of, printable, shown
 from receptance.cli.files import named_values, reading_of, takes_reading
-from receptance.cli.running import InputError, Json, Overwrite, Targets, input_errors, with_parameters
+from receptance.cli.running import InputError, Json, Overwrite, Targets, input_errors, takes_options
 from receptance.errors import ReceptanceWarning
 from receptance.report.terminal import print_list
 
@@ -57,9 +56,6 @@ class Question:
 def _quantity(quantity: units.Quantity, *none: str) -> _Parse:
     expected = quantity.expected + (", or none" if none else "")
     return lambda text, _: 0.0 if text.lower() in none else units.parse(text, quantity, expected)
-
-
-_mass = _quantity(units.MASS, "none", "laser", "0")
 
 
 def _choice(*names: str) -> _Parse:
@@ -171,19 +167,14 @@ class _Answers(dict[str, Any]):
 
 def _takes_answers(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command the options of the questions in place of its parameter `options`."""
-    added = []
+    options: dict[str, tuple[Any, Any]] = {}
     for name, question in _QUESTIONS.items():
         file = "each file, in their order or as FILE=LENGTH" if question is _OVERHANG else "a file"
         text = question.text.format(file=file, materials="steel, carbide or the name of a --material")
         option = typer.Option(question.option, metavar=f"'{question.example}'", help=f"{text}.")
         kind: Any = list[str] | None if name == "overhang" else str | None
-        keyword = inspect.Parameter.KEYWORD_ONLY
-        added.append(inspect.Parameter(name, keyword, default=None, annotation=Annotated[kind, option]))
-
-    def called(**values: Any) -> None:
-        command(options={name: values.pop(name) for name in _QUESTIONS}, **values)
-
-    return with_parameters(command, called, added, without="options")
+        options[name] = (Annotated[kind, option], None)
+    return takes_options("options", options, lambda values: values)(command)
 
 
 # The command ----------------------------------------------------------------------------------------------------------
@@ -350,7 +341,7 @@ def _read(file: Path, reading: ReadingOptions, answers: _Answers) -> tuple[list[
         try:
             return io.read_all(file, **reading), reading
         except io.FileFormatError as error:
-            question = next((question for question in _OF_READING if question.option in str(error)), None)
+            question = next((question for question in _OF_READING if question.name == error.option), None)
             if not answers.interactive or question is None or question.name in reading or error.file != file.name:
                 raise
             # Files of one analyser are alike, so that an answer holds for those that need it.

@@ -6,15 +6,16 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from receptance import units
 from receptance._text import instead_of, shown
-from receptance.campaign.keys import Names, Place, TableOf, table_of
+from receptance.campaign.keys import ListOf, NamedTables, Place, element_keys
 from receptance.campaign.problems import CampaignError, Problems
 from receptance.campaign.read import read_contents
 from receptance.campaign.schema import PartTable
 from receptance.catalogue.rows import HolderRow, read_holders
-from receptance.model.beams import CARBIDE, STEEL, Material
+from receptance.model.beams import CARBIDE, STEEL, Material, Segment
 from receptance.model.fields import Number
 from receptance.units import Quantity, parse
 
@@ -96,32 +97,33 @@ def parse_holder(text: str) -> list[HolderRow]:
     return holders[name or first]
 
 
+class _HolderKeys(PartTable):
+    """Segments as in a campaign; the materials are those of the new campaign, and may be missing."""
+
+    segments = ListOf("", element_keys(Segment, defaults={"material": ""}), least=1).needed()
+
+
 def _holders_of_toml(path: Path) -> dict[str, list[HolderRow]]:
-    """Return the parts of a file with segments as in a campaign, whose materials may be missing."""
+    """Return the parts of a TOML file: `[[parts.NAME.segments]]`, or `[[segments]]` of the only one."""
     data, text = read_contents(path)
     problems = Problems(text)
-    # The materials are those of the new campaign.
-    place = Place(problems, Names({"materials": []}, frozenset({"materials"}), None))
-    parts = {} if "parts" not in data else table_of(data["parts"])
-    tables = {name: (place.at("parts").at(name), table) for name, table in parts.items()}
+    place, keys = Place(problems, {"materials": []}, frozenset({"materials"}), None), _HolderKeys.keys()
+    holders: dict[str, Any] = {}
     if "segments" in data:
-        tables["holder"] = (place, {"segments": data["segments"]})
-    if not tables:
-        raise CampaignError.about(path, "has neither [[segments]] nor [[parts.NAME.segments]]")
-    holders: dict[str, list[HolderRow]] = {}
-    for name, (where, table) in tables.items():
-        if isinstance(table, dict) and isinstance(table.get("segments"), list):
-            rows = [{"material": "", **row} if isinstance(row, dict) else row for row in table["segments"]]
-            table = {**table, "segments": rows}
-        part = where.read(TableOf(PartTable), table)
-        if not problems.found:
-            holders[name] = [
-                _piece(row.length, row.outer_diameter, row.inner_diameter, row.material, row.core or "")
-                for row in part.segments
-            ]
+        holders["holder"] = place.read(keys, {"segments": data["segments"]})
+    if "parts" in data:
+        holders |= place.at("parts").read(NamedTables("", keys), data["parts"])
     if problems.found:
         raise CampaignError(path, problems.in_file())
-    return holders
+    if not holders:
+        raise CampaignError.about(path, "has neither [[segments]] nor [[parts.NAME.segments]]")
+    return {
+        name: [
+            _piece(row.length, row.outer_diameter, row.inner_diameter, row.material, row.core or "")
+            for row in part.segments
+        ]
+        for name, part in holders.items()
+    }
 
 
 def inserted(holder: Sequence[HolderRow], insertion: float, shank: HolderRow) -> list[HolderRow]:

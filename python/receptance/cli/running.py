@@ -17,8 +17,7 @@ from time import perf_counter
 from typing import Annotated, Any, TypeVar
 
 import typer
-from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderableType, RenderHook
-from rich.control import Control
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 
 import receptance
@@ -87,24 +86,34 @@ class InterruptedAnswer(Exception):  # noqa: N818
     """An interruption after which a preliminary result was printed."""
 
 
-def with_parameters(
-    command: Callable[..., None], called: Callable[..., None], added: Sequence[inspect.Parameter], without: str = ""
-) -> Callable[..., None]:
-    """Return a function with the name and the help of a command, and its parameters but one and some more.
+def takes_options(
+    name: str, options: Mapping[str, tuple[Any, Any]], made: Callable[[dict[str, Any]], Any]
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command options, by their names with type and default, in place of its parameter `name`.
 
-    Typer declares the options of a command from its signature.
+    The parameter is made from the values of the options. Typer declares the options from the signature.
     """
-    own = inspect.signature(command, eval_str=True)
-    kept = [parameter for parameter in own.parameters.values() if parameter.name != without]
-    functools.update_wrapper(called, command)
-    called.__signature__ = own.replace(parameters=[*kept, *added])  # type: ignore[attr-defined]
-    return called
+
+    def given(command: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(command)
+        def called(**values: Any) -> None:
+            command(**{name: made({option: values.pop(option) for option in options})}, **values)
+
+        own = inspect.signature(command, eval_str=True)
+        kept = [parameter for parameter in own.parameters.values() if parameter.name != name]
+        keyword = inspect.Parameter.KEYWORD_ONLY
+        added = [inspect.Parameter(key, keyword, default=own, annotation=kind) for key, (kind, own) in options.items()]
+        called.__signature__ = own.replace(parameters=[*kept, *added])  # type: ignore[attr-defined]
+        return called
+
+    return given
 
 
 def takes_quiet(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command the option --quiet: neither text nor progress, but for errors and the JSON of `--json -`."""
 
-    def called(*, quiet: bool, **values: Any) -> None:
+    @functools.wraps(command)
+    def silenced(*, quiet: bool, **values: Any) -> None:
         before = _is_quiet.set(quiet)
         try:
             command(**values)
@@ -112,9 +121,8 @@ def takes_quiet(command: Callable[..., None]) -> Callable[..., None]:
             _is_quiet.reset(before)
 
     words = "Print errors only; files are written all the same."
-    option = Annotated[bool, typer.Option("--quiet", "-q", help=words, rich_help_panel=_OUTPUT)]
-    quiet = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)
-    return with_parameters(command, called, [quiet])
+    option = typer.Option("--quiet", "-q", help=words, rich_help_panel=_OUTPUT)
+    return takes_options("quiet", {"quiet": (Annotated[bool, option], False)}, lambda values: values["quiet"])(silenced)
 
 
 def takes_targets(
@@ -125,31 +133,17 @@ def takes_targets(
     `strict` are the results for which the option --strict, which is then there, ends with exit code 3. `plot` and
     `report` are default files, which are replaced because the same command has written them.
     """
-    defaults = (plot, report)
+    options: dict[str, tuple[Any, Any]] = {"json_file": (Json, None), "plot": (_Plot, plot)}
+    options |= {"report": (_Report, report), "overwrite": (Overwrite, False)}
+    if strict:
+        option = typer.Option("--strict", help=f"Exit with {_NO} {strict}.", rich_help_panel=_OUTPUT)
+        options["strict"] = (Annotated[bool, option], False)
 
-    def given(command: Callable[..., None]) -> Callable[..., None]:
-        def called(
-            *,
-            json_file: Path | None,
-            plot: Path | None,
-            report: Path | None,
-            overwrite: bool,
-            strict: bool = False,
-            **values: Any,
-        ) -> None:
-            own = {path for path, default in zip((plot, report), defaults, strict=True) if path == default}
-            command(targets=Targets(json_file, plot, report, overwrite=overwrite, own=own, strict=strict), **values)
+    def targets(values: dict[str, Any]) -> Targets:
+        own = {path for path in (plot, report) if path is not None and path in (values["plot"], values["report"])}
+        return Targets(**values, own=own)
 
-        added: list[tuple[str, Any, Any]] = [("json_file", Json, None), ("plot", _Plot, plot)]
-        added += [("report", _Report, report), ("overwrite", Overwrite, False)]
-        if strict:
-            option = typer.Option("--strict", help=f"Exit with {_NO} {strict}.", rich_help_panel=_OUTPUT)
-            added.append(("strict", Annotated[bool, option], False))
-        keyword = inspect.Parameter.KEYWORD_ONLY
-        parameters = [inspect.Parameter(name, keyword, default=own, annotation=kind) for name, kind, own in added]
-        return with_parameters(command, called, parameters, without="targets")
-
-    return given
+    return takes_options("targets", options, targets)
 
 
 @contextmanager
@@ -231,19 +225,21 @@ class Targets:
         """Whether a figure is written, alone or in the report."""
         return bool({"--plot", "--report"} & self._files.keys())
 
+    def _every(self) -> Iterator[tuple[str, Path]]:
+        """Yield option and path of each file that may be written, a second figure included."""
+        yield from self._files.items()
+        if (plot := self._files.get("--plot")) is not None and plot not in self._own:
+            yield "--plot", _beside(plot, PROFILES)
+
     def protect(self, path: Path, what: str) -> None:
         """Raise `InputError` if an output file is a file that is read."""
-        plot = self._files.get("--plot")
-        second = [] if plot is None else [("--plot", _beside(plot, PROFILES))]
-        for option, target in (*self._files.items(), *second):
+        for option, target in self._every():
             if target.resolve() == path.resolve():
                 raise InputError(f"{option} names {target}, which is {what}; give another file")
 
     def require_new(self) -> None:
         """Raise `InputError` if an output file exists and --overwrite was not given."""
-        plot = self._files.get("--plot")
-        second = [] if plot is None or plot in self._own else [("--plot", _beside(plot, PROFILES))]
-        for option, path in (*self._files.items(), *second):
+        for option, path in self._every():
             if path not in self._own:
                 refuse_existing(option, path, overwrite=self.overwrite)
 
@@ -324,32 +320,12 @@ def _image_kind(plot: Path) -> str:
     return kind
 
 
-class _Escaped:
-    """A renderable with escaped control characters, because titles and names come from data files."""
-
-    def __init__(self, inner: RenderableType) -> None:
-        self._inner = inner
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
-        for segment in console.render(self._inner, options):
-            yield segment if segment.control else Segment(printable(segment.text), segment.style)
-
-
-class _EscapeHook(RenderHook):
-    """Escapes control characters in everything that is printed."""
-
-    def process_renderables(self, renderables: list[ConsoleRenderable]) -> list[ConsoleRenderable]:
-        return [
-            _Escaped(renderable) if not isinstance(renderable, Control) else renderable for renderable in renderables
-        ]
-
-
 class _Output(Console):
-    """Standard output; a closed pipe (`| head`) is no error."""
+    """Standard output; control characters of titles and names are escaped, and a closed pipe (`| head`) is no error."""
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__(**options)
-        self.push_render_hook(_EscapeHook())
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else Segment(printable(segment.text), segment.style)
 
     def on_broken_pipe(self) -> None:
         self.quiet = True

@@ -139,7 +139,7 @@ def resolve_frf(
     given = _unit_of_options(options, form, directions, declared)
     unit = given or declared
     if unit is None:
-        raise FileFormatError(f"{undeclared}; {_GIVE_UNIT}")
+        raise FileFormatError(f"{undeclared}; {_GIVE_UNIT}", option="unit")
     kind = frf_kind(unit)
     if kind is None:
         raise FileFormatError(

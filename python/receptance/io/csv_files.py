@@ -89,6 +89,7 @@ def _read_table(data: bytes, options: ReadOptions) -> NumberTable:
             "columns=[...] (on the command line --columns), a name with its unit for each column; time records without "
             "a column of times need sample_rate_hz= (--sample-rate) as well",
             line=header or None,
+            option="columns",
         )
     if not lines:
         raise FileFormatError("there are no rows of numbers below the header", line=header or None)
@@ -128,6 +129,7 @@ def _columns(
             f"this line holds numbers, expected a header such as {EXAMPLE}; for a file without a header give it with "
             f"columns=[...] (on the command line --columns), a name with its unit for each of the {len(names)} columns",
             line=header,
+            option="columns",
         )
     lines = lines[1:] if has_names else lines
     columns = []

@@ -28,10 +28,12 @@ class FileFormatError(ValueError):
         Position in the file, counted from 0, in binary data.
     place : str, optional
         Another place, such as a variable or a column.
+    option : str, optional
+        Keyword argument of `read` that states what the file does not, such as "unit".
 
     Attributes
     ----------
-    problem, file, line, byte, place
+    problem, file, line, byte, place, option
         As given.
 
     Examples
@@ -42,11 +44,17 @@ class FileFormatError(ValueError):
     """
 
     def __init__(
-        self, problem: str, file: str = "", line: int | None = None, byte: int | None = None, place: str = ""
+        self,
+        problem: str,
+        file: str = "",
+        line: int | None = None,
+        byte: int | None = None,
+        place: str = "",
+        option: str = "",
     ) -> None:
         # With all arguments in `args` the error can be pickled.
-        super().__init__(problem, file, line, byte, place)
-        self.problem, self.file, self.line, self.byte, self.place = problem, file, line, byte, place
+        super().__init__(problem, file, line, byte, place, option)
+        self.problem, self.file, self.line, self.byte, self.place, self.option = self.args
 
     def __str__(self) -> str:
         location = [self.file] if self.file else []
@@ -69,7 +77,7 @@ def error_location(
     except FileFormatError as error:
         if error.line is not None or error.byte is not None or error.place:
             line, byte, place = error.line, error.byte, error.place
-        raise FileFormatError(error.problem, file=error.file or file, line=line, byte=byte, place=place) from None
+        raise FileFormatError(error.problem, error.file or file, line, byte, place, error.option) from None
 
 
 MAX_NUMBERS = 1 << 25

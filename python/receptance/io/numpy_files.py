@@ -190,7 +190,8 @@ def read_npy(data: bytes, options: ReadOptions) -> list[Measurement]:
         raise FileFormatError(
             f"the file holds an array {array.shape} of {array.dtype} without names; give them with columns=[...] (on "
             "the command line --columns), a name with its unit for each column: 'frequency [Hz],real [m/N],imag "
-            "[m/N]', or 'hammer [N],tip [m/s^2]' with sample_rate_hz= (--sample-rate) for time records without times"
+            "[m/N]', or 'hammer [N],tip [m/s^2]' with sample_rate_hz= (--sample-rate) for time records without times",
+            option="columns",
         )
     names = list(options.columns)
     table = array[:, None] if array.ndim == 1 else array

@@ -116,7 +116,9 @@ def _column_in_unit(table: NumberTable, index: int, unit: str) -> NDArray[np.flo
     source = _column_unit(column)
     if source is None:
         expected = f"{column.name} [{usual_unit(column) or unit}]"
-        raise FileFormatError(f"column {column.name!r} has no unit, expected {expected}; {_header_option(table)}")
+        raise FileFormatError(
+            f"column {column.name!r} has no unit, expected {expected}; {_header_option(table)}", option="columns"
+        )
     turns = parse_unit("rad/s")
     if column.role == "frequency" and source.dimension == turns.dimension:
         # An angular frequency in rad/s, or a speed in rpm.
@@ -192,7 +194,8 @@ def _channel_units(table: NumberTable, channels: list[int], options: ReadOptions
         if not unit:
             raise FileFormatError(
                 f"channel {column.name!r} has no unit; give it, for example unit={{{column.name!r}: 'N'}} (on the "
-                f"command line --unit {shlex.quote(f'{column.name}=N')}), or {column.name} [N] as its name"
+                f"command line --unit {shlex.quote(f'{column.name}=N')}), or {column.name} [N] as its name",
+                option="unit",
             )
         if is_unit(unit) and frf_kind(column_unit(unit)) is not None:
             raise FileFormatError(f"{unit!r} is the unit of an FRF, but column {column.name!r} is a time record")

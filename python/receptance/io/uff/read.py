@@ -535,7 +535,8 @@ def _channel_unit(function: Function, name: str, given: str | None) -> tuple[str
         return CHANNEL_UNITS[quantity], system, ""
     raise FileFormatError(
         f"neither a data set 164 nor an axis label states the unit of channel {name!r}; give it, for example "
-        f"unit={{{name!r}: 'N'}} (on the command line --unit '{name}=N')"
+        f"unit={{{name!r}: 'N'}} (on the command line --unit '{name}=N')",
+        option="unit",
     )
 
 
