@@ -1,5 +1,4 @@
 from . import figure as figure
-from . import files as files
 from . import results as results
 from .building import Catalogue as Catalogue
 from .modes import LineModes as LineModes
