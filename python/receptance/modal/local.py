@@ -230,7 +230,7 @@ def _mode_at_peak(lines: Lines, mobility: NDArray[np.complex128], peak: int, par
 
 @dataclass(frozen=True)
 class _Parabola:
-    """1 / |H|^2 = a + b x + c x^2 with x = (w^2 - middle) / reach."""
+    """1 / |H|^2 = a + b x + c x^2 with x = (w^2 - middle) / reach; coefficients from c to a."""
 
     coefficients: NDArray[np.float64]
     covariance: NDArray[np.float64]
@@ -253,19 +253,14 @@ class _Parabola:
             lines.relative[part, 0] if lines.relative is not None else raw.max() / np.maximum(raw, raw.max() / 1e6)
         )
         weights = 1.0 / (2.0 * relative * inverse)
-        columns = np.stack([np.ones_like(x), x, x**2], axis=1) * weights[:, None]
-        q, r = np.linalg.qr(columns)
-        target = inverse * weights
-        coefficients = np.linalg.solve(r, q.T @ target)
-        r_inverse = np.linalg.inv(r)
+        coefficients, covariance = np.polyfit(x, inverse, 2, w=weights, cov="unscaled")
         freedom = x.size - 3
-        residual = target - q @ (q.T @ target)
+        residual = weights * (inverse - np.polyval(coefficients, x))
         scatter = 1.0 if stated else float(residual @ residual) / freedom
-        factor = scatter * lines.correlated_lines
         at_peak = float(relative[peak - part.start] * np.sqrt(scatter))
         return cls(
             coefficients,
-            factor * r_inverse @ r_inverse.T,
+            scatter * lines.correlated_lines * covariance,
             middle,
             reach,
             lines.freedom if stated else max(freedom / lines.correlated_lines, 1.0),
@@ -288,7 +283,7 @@ class _Parabola:
         return self._values(self.coefficients, w, sigma), np.stack(slopes, axis=1)
 
     def _values(self, coefficients: NDArray[np.float64], w: float, sigma: float) -> NDArray[np.float64]:
-        a, b, c = (float(value) for value in coefficients)
+        c, b, a = (float(value) for value in coefficients)
         if c <= 0.0:
             # Not a peak, but noise on a slope.
             return np.array([w / (2.0 * np.pi), np.nan, np.nan, np.nan, np.nan])
