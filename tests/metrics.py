@@ -213,7 +213,8 @@ def fits_of_a_mode(tree: ast.Module) -> list[str]:
     """Return the functions that solve a least-squares problem with its few columns written out in the code.
 
     The columns are a `stack([...], axis=1)` or a `vander`, and they, or a variable computed from them, are an argument
-    of `lstsq` or `qr`. In this package these are the fits of a peak or of a decay by the formula of one mode.
+    of `lstsq` or `qr`; a `polyfit` of degree 2 counts as well. In this package these are the fits of a peak or of a
+    decay by the formula of one mode.
     """
     names: list[str] = []
     for function in ast.walk(tree):
@@ -229,9 +230,16 @@ def fits_of_a_mode(tree: ast.Module) -> list[str]:
             if isinstance(node, ast.Call) and _function(node) in ("lstsq", "qr")
             for part in ast.walk(node.args[0])
         ]
-        if any(_is_columns(part) or (isinstance(part, ast.Name) and part.id in columns) for part in solved):
+        parabolas = [node for node in ast.walk(function) if isinstance(node, ast.Call) and _is_parabola(node)]
+        if parabolas or any(
+            _is_columns(part) or (isinstance(part, ast.Name) and part.id in columns) for part in solved
+        ):
             names.append(function.name)
     return names
+
+
+def _is_parabola(call: ast.Call) -> bool:
+    return _function(call) == "polyfit" and len(call.args) > 2 and ast.unparse(call.args[2]) == "2"
 
 
 def _is_columns(node: ast.AST) -> bool:

@@ -19,7 +19,7 @@ from receptance import Assembly, MeasuredPart, Part, damped_modes
 from receptance.campaign import CampaignError
 from receptance.campaign.measurements import read_frequencies
 from receptance.campaign.prediction import predict_assembly
-from receptance.catalogue import Catalogue, errors_of, line_modes, predict_catalogue, read_holders, read_tools
+from receptance.catalogue import Catalogue, line_modes, predict_catalogue, read_holders, read_tools
 from receptance.catalogue.building import ToolAssembly
 from receptance.coupling import read_spindle, write_spindle
 from receptance.io import read_frf
@@ -278,15 +278,6 @@ def test_a_spindle_that_the_campaign_names(machine: Any, tmp_path: Path) -> None
     (tmp_path / "nose.npz").unlink()
     with pytest.raises(ValueError, match=r"catalogue.spindle: .*nose.npz"):
         Catalogue(read)
-
-
-def test_correlated_errors() -> None:
-    covariance = np.array([[4.0, 1.0], [1.0, 2.0]])
-    errors = errors_of("spindle", ["a.b", "a.c"], covariance)
-    rows = np.array([[moved.get("a.b", 0.0), moved.get("a.c", 0.0)] for moved in by_name(errors).values()])
-    np.testing.assert_allclose(rows.T @ rows, covariance, rtol=1e-12)
-    with pytest.raises(ValueError, match="covariance has shape"):
-        errors_of("spindle", ["a.b"], covariance)
 
 
 @pytest.mark.slow

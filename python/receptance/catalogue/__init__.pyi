@@ -1,8 +1,6 @@
 from . import figure as figure
-from . import files as files
 from . import results as results
 from .building import Catalogue as Catalogue
-from .building import errors_of as errors_of
 from .modes import LineModes as LineModes
 from .modes import line_modes as line_modes
 from .prediction import ToolPrediction as ToolPrediction

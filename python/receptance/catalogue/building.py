@@ -7,15 +7,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from receptance import _checks, coupling
+from receptance import coupling
 from receptance._text import instead_of
 from receptance.campaign import Campaign, CampaignError, Deviation, Issue
 from receptance.campaign.tolerances import inherited_tolerances
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
-from receptance.fit.covariance import square_root
 from receptance.fit.parameters import Site
 from receptance.fit.unknowns import Tolerance
 from receptance.model.assembly import Assembly
@@ -60,7 +56,7 @@ class Catalogue:
         Last element of the chain, behind the machine of the campaign; by default the file that the campaign names, if
         it names one.
     errors : iterable of Tolerance, optional
-        Further errors, see `errors_of`.
+        Further errors, such as `receptance.coupling.mode_tolerances` of the spindle.
 
     Raises
     ------
@@ -85,8 +81,8 @@ class Catalogue:
         self.spindle = spindle if spindle is not None or table.spindle is None else _spindle(table.spindle, campaign)
         self.errors = tuple(errors)
         self.file = _source(tools, table.tools, campaign, "tools")
-        given = tools if isinstance(tools, Sequence) and not isinstance(tools, str) else read_tools(self.file)
-        self.tools: tuple[ToolRow, ...] = tuple(given)
+        rows = tools if isinstance(tools, Sequence) and not isinstance(tools, str) else read_tools(self.file)
+        self.tools: tuple[ToolRow, ...] = tuple(rows)
         self._holders: dict[str, Part] = {}
         self._read_holders(holders)
         self._check_tools()
@@ -116,7 +112,7 @@ class Catalogue:
         assembly = Assembly(links, [built.attachments[name] for name in self.table.attachments])
         parts: dict[str, dict[str, Deviation]] = {**{name: {} for name in self._holders}, _TOOL: deviations}
         inherited = inherited_tolerances(assembly, self.campaign.table, self.campaign.built, parts)
-        by_name = {one.name: one for one in (*inherited, *self.errors)}
+        by_name = {tolerance.name: tolerance for tolerance in (*inherited, *self.errors)}
         return ToolAssembly(row, Site(assembly, row.name, "", row.conditions), tuple(by_name.values()))
 
     def _segments(self, row: ToolRow) -> tuple[list[Segment], dict[str, Deviation]]:
@@ -185,13 +181,13 @@ class Catalogue:
         problems: list[Issue] = []
         built = self.campaign.built
         for row in self.tools:
-            for key, name, known in (
+            for key, name, names in (
                 ("holder", row.holder, {**built.parts, **self._holders}),
                 ("joint", row.joint, built.joints),
                 ("material", row.material, built.materials),
             ):
-                if name and name not in known:
-                    text = f'is "{name}", which is not known{instead_of(name, known)}'
+                if name and name not in names:
+                    text = f'is "{name}", which is not known{instead_of(name, names)}'
                     problems.append(Issue((row.name, key), text, row.line))
             if row.material in built.materials:
                 try:
@@ -206,48 +202,6 @@ class Catalogue:
             raise CampaignError.about(self.campaign.file, f"catalogue: {error}") from error
 
 
-def errors_of(name: str, addresses: Sequence[str], covariance: ArrayLike) -> tuple[Tolerance, ...]:
-    """Return correlated errors of parameters as independent errors, from their covariance.
-
-    Parameters
-    ----------
-    name : str
-        Name of the errors, which are numbered.
-    addresses : sequence of str
-        The parameters, `p` of them.
-    covariance : array_like
-        `(p, p)` in SI units.
-
-    Returns
-    -------
-    tuple of Tolerance
-        The columns of a square root of the covariance.
-
-    Raises
-    ------
-    ValueError
-        A covariance of another shape, or one that is not finite.
-
-    Examples
-    --------
-    >>> [one.moves for one in errors_of("spindle", ["spindle.a", "spindle.b"], [[4.0, 0.0], [0.0, 1.0]])]
-    [{'spindle.a': 2.0}, {'spindle.b': 1.0}]
-    """
-    matrix = _checks.unmasked(f"errors of {name}", "covariance", covariance, np.float64)
-    if matrix.shape != (len(addresses), len(addresses)) or not np.isfinite(matrix).all():
-        raise ValueError(
-            f"errors of {name}: covariance has shape {matrix.shape}, expected finite {(len(addresses),) * 2}"
-        )
-    return tuple(
-        Tolerance(
-            name=f"{name}, error {i + 1}",
-            moves={a: float(v) for a, v in zip(addresses, column, strict=True) if v},
-        )
-        for i, column in enumerate(square_root(matrix).T)
-        if column.any()
-    )
-
-
 def _spindle(name: str, campaign: Campaign) -> MeasuredPart:
     try:
         return coupling.read_spindle(campaign.file.parent / name)
@@ -255,11 +209,11 @@ def _spindle(name: str, campaign: Campaign) -> MeasuredPart:
         raise CampaignError.about(campaign.file, f"catalogue.spindle: {error}") from error
 
 
-def _source(given: object, named: str | None, campaign: Campaign, key: str) -> Path:
+def _source(rows: object, named: str | None, campaign: Campaign, key: str) -> Path:
     """Return the file of tools or holders, for messages also where rows were given instead."""
-    if isinstance(given, (str, Path)):
-        return Path(given)
-    if given is not None:
+    if isinstance(rows, (str, Path)):
+        return Path(rows)
+    if rows is not None:
         return Path(key)
     if named is None:
         text = f"there is no file with {key}, expected `{key}` under [catalogue] or the name of one"

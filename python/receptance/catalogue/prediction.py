@@ -150,8 +150,8 @@ def _predict(
     seed: int,
 ) -> ToolPrediction:
     """Return the prediction of a tool; `notes` are those on the spindle, which all tools share."""
-    tool, own_notes = catalogue.assemble(row), list(notes)
-    predicted = predict_assembly(catalogue.campaign, identified, tool.site, tool.tolerances, row.name, own_notes, 1)
+    tool, notes_of_tool = catalogue.assemble(row), list(notes)
+    predicted = predict_assembly(catalogue.campaign, identified, tool.site, tool.tolerances, row.name, notes_of_tool, 1)
     linear = predicted.linear(lines)
     modes = line_modes(lines, linear.receptance, linear.variance)
     slopes = modes.log_slopes(linear.slope).reshape(3 * len(modes), len(predicted.addresses))
@@ -164,7 +164,7 @@ def _predict(
         modes_deviation=np.sqrt(deviation**2 + modes.log_variances(linear.variance)),
         level=catalogue.campaign.table.prediction.level,
         rejection=() if identified is None else identified.rejection,
-        notes=tuple(own_notes),
+        notes=tuple(notes_of_tool),
     )
 
 

@@ -7,7 +7,7 @@ import io
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -146,25 +146,31 @@ def write_modes(path: Path, predictions: Iterable[ToolPrediction]) -> Iterator[T
     The file appears when the last prediction was yielded. Frequencies are in Hz, damping ratios in percent, dynamic
     stiffnesses in N/um, each with its interval.
     """
-    check_target(path)
-    text = io.StringIO(newline="")
-    rows = csv.writer(text)
     columns = [f"{name}{end} [{unit}]" for name, unit in _MODE_QUANTITIES.items() for end in ("", " lower", " upper")]
-    rows.writerow(["name", "holder", "teeth", "mode", *columns, "most flexible"])
-    for prediction in predictions:
+
+    def rows(prediction: ToolPrediction) -> Iterator[list[object]]:
         row = prediction.row
         for number, (values, interval) in enumerate(zip(prediction.modes, prediction.modes_interval, strict=True)):
             cells = np.column_stack([values, interval]) * _MODE_UNITS[:, None]
-            rows.writerow(
-                [
-                    inert(row.name),
-                    inert(row.holder),
-                    "" if row.teeth is None else row.teeth,
-                    number + 1,
-                    *(f"{cell:.6g}" for cell in cells.ravel()),
-                    "yes" if number == prediction.most_flexible else "",
-                ]
-            )
+            teeth, most_flexible = "" if row.teeth is None else row.teeth, number == prediction.most_flexible
+            numbers = [f"{cell:.6g}" for cell in cells.ravel()]
+            yield [inert(row.name), inert(row.holder), teeth, number + 1, *numbers, "yes" if most_flexible else ""]
+
+    return _write_rows(path, ("name", "holder", "teeth", "mode", *columns, "most flexible"), predictions, rows)
+
+
+def _write_rows(
+    path: Path,
+    header: Sequence[str],
+    predictions: Iterable[ToolPrediction],
+    rows: Callable[[ToolPrediction], Iterable[list[object]]],
+) -> Iterator[ToolPrediction]:
+    check_target(path)
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(header)
+    for prediction in predictions:
+        writer.writerows(rows(prediction))
         yield prediction
     write_whole({path: text.getvalue().encode()})
 
@@ -213,11 +219,8 @@ def write_depths(
 
     The file appears when the last prediction was yielded.
     """
-    check_target(path)
-    text = io.StringIO(newline="")
-    rows = csv.writer(text)
-    rows.writerow(_DEPTH_COLUMNS)
-    for prediction in predictions:
+
+    def rows(prediction: ToolPrediction) -> Iterator[list[object]]:
         lobes = tool_lobes(prediction, campaign, cut)
         limits = dict(zip(lobes.speeds_rpm.tolist(), lobes.depth.tolist(), strict=True))
         teeth = getattr(lobes.cut, "teeth", "")
@@ -226,9 +229,9 @@ def write_depths(
             ends = (best.lowest_rpm, best.highest_rpm, 1e3 * float(np.min(lobes.certain_depth)))
             cells = [f"{value:.6g}" for value in (*values, *ends)]
             name, holder, cut_name = map(inert, (prediction.row.name, prediction.row.holder, lobes.name))
-            rows.writerow([name, holder, teeth, cut_name, rank + 1, *cells])
-        yield prediction
-    write_whole({path: text.getvalue().encode()})
+            yield [name, holder, teeth, cut_name, rank + 1, *cells]
+
+    return _write_rows(path, _DEPTH_COLUMNS, predictions, rows)
 
 
 def file_names(names: Iterable[str]) -> dict[str, str]:

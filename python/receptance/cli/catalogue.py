@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +11,7 @@ import typer
 from rich.text import Text
 
 import receptance
-from receptance._files import check_target
+from receptance._files import check_target, write_whole
 from receptance.cli.campaigns import CampaignFile, run_on_campaign
 from receptance.cli.running import InputError, NewSeed, Targets, input_errors, refuse_existing, takes_targets
 
@@ -72,7 +72,7 @@ def catalogue(
         if depths is not None:
             predictions = receptance.catalogue.results.write_depths(depths, predictions, read, name)
         if figures is not None or frfs is not None:
-            predictions = receptance.catalogue.files.write_files(predictions, names, figures, frfs)
+            predictions = _write_files(predictions, names, figures, frfs)
         predicted = tuple(receptance.catalogue.results.summaries(predictions))
         return receptance.catalogue.CatalogueSummary(
             tools=predicted,
@@ -91,6 +91,23 @@ def catalogue(
         console.print(Text(note), soft_wrap=True)
     console.print(f"{len(summary.tools)} tools in {time.perf_counter() - begun:.1f} s", soft_wrap=True)
     targets.require(not summary.rejection)
+
+
+def _write_files(
+    predictions: Iterable[receptance.catalogue.ToolPrediction],
+    names: Mapping[str, str],
+    figures: Path | None,
+    frfs: Path | None,
+) -> Iterator[receptance.catalogue.ToolPrediction]:
+    """Write the figure and the FRF of each tool into folders under their file names, and yield the predictions."""
+    for prediction in predictions:
+        name = names[prediction.row.name]
+        if figures is not None:
+            figure = receptance.catalogue.figure.draw_tool(prediction)
+            write_whole({figures / f"{name}.png": receptance.report.figure.as_image(figure, "png")})
+        if frfs is not None:
+            receptance.io.write(frfs / f"{name}.csv", prediction.as_frf())
+        yield prediction
 
 
 def _check_folder(folder: Path | None) -> None:

@@ -76,25 +76,24 @@ def _spacing(observation: Observation) -> float:
 
 def _covered(lines: NDArray[np.inexact], observation: Observation) -> NDArray[np.bool_]:
     """Return which lines an observation covers, gaps and other exponential windows excluded."""
-    own = observation.frequency_hz
-    nearest, same = nearest_lines(own, lines)
-    if own.size < _SPLINE_LINES:
+    measured = observation.frequency_hz
+    nearest, same = nearest_lines(measured, lines)
+    if measured.size < _SPLINE_LINES:
         return same
-    after = np.clip(np.searchsorted(own.real, lines.real), 1, own.size - 1)
-    inside = (lines.real >= own.real[0]) & (lines.real <= own.real[-1])
-    dense = own.real[after] - own.real[after - 1] <= _GAP * _spacing(observation)
-    window = np.abs(lines.imag - own.imag[nearest]) <= EQUAL_LINES * np.abs(lines)
-    found: NDArray[np.bool_] = same | (inside & dense & window)
-    return found
+    after = np.clip(np.searchsorted(measured.real, lines.real), 1, measured.size - 1)
+    inside = (lines.real >= measured.real[0]) & (lines.real <= measured.real[-1])
+    dense = measured.real[after] - measured.real[after - 1] <= _GAP * _spacing(observation)
+    window = np.abs(lines.imag - measured.imag[nearest]) <= EQUAL_LINES * np.abs(lines)
+    return np.asarray(same | (inside & dense & window))
 
 
 def _resample(observation: Observation, lines: NDArray[np.inexact], widest: Observation) -> Observation:
     if observation is widest:
         return observation.select(np.isin(observation.frequency_hz, lines))
     owner = repr(observation)
-    own = observation.frequency_hz.real
+    measured = observation.frequency_hz.real
     # Lines on the edge of the band may lie outside by rounding.
-    grid = interpolate(own, np.clip(lines.real, own[0], own[-1]), owner)
+    grid = interpolate(measured, np.clip(lines.real, measured[0], measured[-1]), owner)
     values, bend = grid.spline(observation.receptance)
     deviation = observation.standard_deviation
     arrays = {name: getattr(observation, name) for name in ("standard_deviation", "correlated_lines", "force")}

@@ -101,11 +101,11 @@ class InverseCoupling(Result):
         Least squares of the logarithms over all lines, from medians of Re K and of Im K / w and from a coarse grid.
         Empty if no line is informative; check `rms`.
         """
-        found = {}
+        values = {}
         for name, (k, c) in self.typical.items():
-            found[f"{self.joint}.{name}"] = k
-            found[f"{self.joint}.c{name[1:]}"] = c
-        return found
+            values[f"{self.joint}.{name}"] = k
+            values[f"{self.joint}.c{name[1:]}"] = c
+        return values
 
     def unknowns(self, *, decades: float = 2.0, damping: bool = True) -> list[Unknown]:
         """Return unknowns for `identify` that start at the constant joint.
@@ -130,24 +130,24 @@ class InverseCoupling(Result):
                 f"{self.limit:g}; reduce the noise, measure at other coordinates, or raise limit"
             )
         w = 2.0 * np.pi * float(np.median(np.asarray(self.frequency_hz).real))
-        found = []
+        unknowns = []
         for name in self.terms:
             address = f"{self.joint}.{name}"
             if address not in start:
                 continue
             if name == "k_ytheta":
                 most = factor * max(abs(start[address]), self._coupling_size())
-                found.append(Unknown(address=address, lower=-most, upper=most, start=start[address]))
+                unknowns.append(Unknown(address=address, lower=-most, upper=most, start=start[address]))
                 continue
             k = start[address]
             if k <= 0.0:
                 continue
-            found.append(Unknown(address=address, lower=k / factor, upper=k * factor, start=k))
+            unknowns.append(Unknown(address=address, lower=k / factor, upper=k * factor, start=k))
             if damping:
                 address = f"{self.joint}.c{name[1:]}"
                 c = max(start[address], _MIN_LOSS_FACTOR * k / w)
-                found.append(Unknown(address=address, lower=c / (10.0 * factor), upper=10.0 * c * factor, start=c))
-        return found
+                unknowns.append(Unknown(address=address, lower=c / (10.0 * factor), upper=10.0 * c * factor, start=c))
+        return unknowns
 
     def _coupling_size(self) -> float:
         k = self.stiffness
@@ -284,8 +284,8 @@ def invert_coupling(
     ...     )
     ...     for place in (Coordinate(), nose)
     ... ]
-    >>> found = invert_coupling(measured)
-    >>> {name: f"{value:.3g}" for name, value in found.start().items() if ".k" in name}
+    >>> inverse = invert_coupling(measured)
+    >>> {name: f"{value:.3g}" for name, value in inverse.start().items() if ".k" in name}
     {'joint.k_y': '1e+08', 'joint.k_theta': '1e+05'}
     """
     observed = check_observations(observations)
@@ -296,20 +296,13 @@ def invert_coupling(
     observed, lines, rows, dropped = common_lines(observed)
     equations = _equations(observed, joint, names, lines, rows, threads)
     x, ambiguous = solve_lines(equations)
-    with np.errstate(all="ignore"):
-        # A stiffness beyond that of the joint that represents a rigid one cannot be resolved.
-        good = (np.abs(x) < _RIGID.k_y).all(axis=1) & np.isfinite(equations.cost(np.where(np.isfinite(x), x, 1.0)))
-        x = np.where(good[:, None], x, 0.0)
-        rank = np.where(good, equations.rank(x), 0)
+    # A stiffness beyond that of the joint that represents a rigid one cannot be resolved.
+    x, rank = equations.determined(np.where(np.abs(x) < _RIGID.k_y, x, np.nan))
     if rank.max(initial=0) < len(names):
         raise ValueError(_rank_message(names, int(rank.max(initial=0)), observed))
+    good, relative, condition = equations.conditions(x, rank == len(names))
     with np.errstate(all="ignore"):
-        good &= rank == len(names)
-        scale = equations.scale(x)
-        relative = equations.sensitivity(x) / scale[..., None]
-        good &= np.isfinite(relative).all(axis=(1, 2))
-        condition = np.linalg.norm(np.where(good[:, None, None], relative, 0.0), ord=2, axis=(1, 2))
-        noise = equations.standard_deviation(x)
+        noise, scale = equations.standard_deviation(x), equations.scale(x)
     typical, usable, rms = _fit_constant_joint(equations, x, good, share)
     model = np.zeros(x.shape)
     if errors:
@@ -323,14 +316,14 @@ def invert_coupling(
         """Return values of the terms as symmetric matrices, zero for known terms."""
         return replace(equations, known=np.zeros((len(x), 2, 2), dtype=values.dtype)).stiffness(values)
 
-    found = InverseCoupling(
+    inverse = InverseCoupling(
         frequency_hz=lines,
         joint=joint,
         terms=names,
         stiffness=np.where(good[:, None, None], equations.stiffness(x), np.nan),
         standard_deviation=matrices(np.where(good[:, None], noise, np.inf)),
         model_deviation=matrices(np.where(good[:, None], model, np.inf)),
-        condition=np.where(good, condition, np.inf),
+        condition=condition,
         usable=matrices(usable),
         limit=share,
         ambiguous=ambiguous & good,
@@ -339,8 +332,8 @@ def invert_coupling(
         labels=tuple(o.title(i) for i, o in enumerate(observed)),
     )
     for name in ("frequency_hz", "stiffness", "standard_deviation", "model_deviation", "condition", "usable"):
-        getattr(found, name).setflags(write=False)
-    return replace(found, notes=tuple(_notes(found, observed, dropped)))
+        getattr(inverse, name).setflags(write=False)
+    return replace(inverse, notes=tuple(_notes(inverse, observed, dropped)))
 
 
 def _moved_by_errors(
@@ -486,27 +479,27 @@ def _check_terms(terms: Sequence[str] | None, count: int) -> tuple[str, ...]:
     """Return the terms to solve for, in the order of `TERMS`."""
     if terms is None:
         return _DEFAULT_TERMS[min(count, 3) - 1]
-    given = (terms,) if isinstance(terms, str) else tuple(terms)
-    if not given or len(set(given)) < len(given) or not set(given) <= TERMS.keys():
+    names = (terms,) if isinstance(terms, str) else tuple(terms)
+    if not names or len(set(names)) < len(names) or not set(names) <= TERMS.keys():
         raise ValueError(f"terms is {terms!r}, expected some of {', '.join(TERMS)}, each once")
-    if len(given) > count:
+    if len(names) > count:
         raise ValueError(
-            f"{join_names(given)} are {len(given)} unknown terms on each line, but there "
+            f"{join_names(names)} are {len(names)} unknown terms on each line, but there "
             f"{'is one receptance' if count == 1 else f'are {count} receptances'}, one equation each; measure at "
             "another coordinate or with another overhang as well, or solve for fewer terms"
         )
-    return tuple(name for name in TERMS if name in given)
+    return tuple(term for term in TERMS if term in names)
 
 
 def _joint_of(assembly: Assembly, joint: str) -> PointJoint:
     """Return the joint, which must be a `PointJoint`."""
-    found = assembly.elements.get(joint)
-    if not isinstance(found, PointJoint):
-        known = [name for name, element in assembly.elements.items() if isinstance(element, PointJoint)]
+    element = assembly.elements.get(joint)
+    if not isinstance(element, PointJoint):
+        names = [name for name, other in assembly.elements.items() if isinstance(other, PointJoint)]
         raise ValueError(
-            f"there is no point joint {joint!r} in {assembly!r}; its point joints are: {', '.join(known) or 'none'}"
+            f"there is no point joint {joint!r} in {assembly!r}; its point joints are: {', '.join(names) or 'none'}"
         )
-    return found
+    return element
 
 
 def _check_joint(observed: tuple[Observation, ...], joint: str, terms: tuple[str, ...]) -> None:
@@ -539,34 +532,36 @@ def _rank_message(terms: tuple[str, ...], rank: int, observed: tuple[Observation
     )
 
 
-def _notes(found: InverseCoupling, observed: tuple[Observation, ...], dropped: int) -> list[str]:
+def _notes(inverse: InverseCoupling, observed: tuple[Observation, ...], dropped: int) -> list[str]:
     """Return the notes for the user; `dropped` lines are not common to all observations."""
     notes = [note for observation in observed for note in observation.notes]
     if dropped:
         notes.append(f"{dropped} lines are left out because some measurements lack them")
-    count = len(found.frequency_hz)
-    masked = found.frequency_hz[np.isinf(found.condition)]
+    count = len(inverse.frequency_hz)
+    masked = inverse.frequency_hz[np.isinf(inverse.condition)]
     if masked.size:
         notes.append(masked_lines(masked, count))
-    known = [name for name in TERMS if name not in found.terms]
-    if known:
-        held = ", ".join(f"{name} = {getattr(_joint_of(observed[0].assembly, found.joint), name):g}" for name in known)
+    fixed = [name for name in TERMS if name not in inverse.terms]
+    if fixed:
+        held = ", ".join(
+            f"{name} = {getattr(_joint_of(observed[0].assembly, inverse.joint), name):g}" for name in fixed
+        )
         notes.append(f"taken as known: {held}, with their damping; errors of them cause errors of the other terms")
-    limit = f"{100.0 * found.limit:g} %"
-    for term in found.terms:
-        usable = int(found.term(term)[2].sum())
+    limit = f"{100.0 * inverse.limit:g} %"
+    for term in inverse.terms:
+        usable = int(inverse.term(term)[2].sum())
         if not usable:
             notes.append(f"no line is usable for {term}: its standard deviation is nowhere below {limit}")
         elif usable < count:
             notes.append(f"{usable} of {count} lines are usable for {term} (standard deviation below {limit})")
-    if found.rms > _MISFIT_RMS:
+    if inverse.rms > _MISFIT_RMS:
         notes.append(
-            f"no k + i w c fits all lines: the rms is {found.rms:.3g} standard deviations; the parts or the known "
+            f"no k + i w c fits all lines: the rms is {inverse.rms:.3g} standard deviations; the parts or the known "
             "terms differ from the model, and the start may be poor"
         )
-    if found.ambiguous.any():
+    if inverse.ambiguous.any():
         notes.append(
-            f"on {int(found.ambiguous.sum())} of {count} lines two stiffnesses fit; the one closer to those of the "
+            f"on {int(inverse.ambiguous.sum())} of {count} lines two stiffnesses fit; the one closer to those of the "
             "other lines was selected"
         )
     return notes

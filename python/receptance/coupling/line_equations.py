@@ -74,9 +74,8 @@ class Equations:
 
     def select(self, lines: NDArray[np.bool_]) -> Equations:
         """Return the equations of selected lines."""
-        return replace(
-            self, **{one.name: getattr(self, one.name)[lines] for one in fields(self) if one.name != "terms"}
-        )
+        arrays = [column.name for column in fields(self) if column.name != "terms"]
+        return replace(self, **{name: getattr(self, name)[lines] for name in arrays})
 
     def terms_of(self, matrix: NDArray[Any]) -> NDArray[Any]:
         """Return the unknown terms `(n, m)` of matrices `(n, 2, 2)`."""
@@ -135,6 +134,26 @@ class Equations:
         result: NDArray[np.intp] = np.zeros(len(relative), dtype=np.intp)
         result[finite] = np.sum(np.linalg.svd(relative[finite], compute_uv=False) > 1e-9, axis=1)
         return result
+
+    def determined(self, x: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], NDArray[np.intp]]:
+        """Return a solution with zeros on lines without a value, and the number of terms determined on each line."""
+        with np.errstate(all="ignore"):
+            good = np.isfinite(x).all(axis=1) & np.isfinite(self.cost(np.where(np.isfinite(x), x, 1.0)))
+            x = np.where(good[:, None], x, 0.0)
+            return x, np.where(good, self.rank(x), 0)
+
+    def conditions(
+        self, x: NDArray[np.complex128], good: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.bool_], NDArray[np.complex128], NDArray[np.float64]]:
+        """Return which good lines have finite sensitivities, these relative to the scale, and condition numbers.
+
+        On the other lines the sensitivities `(n, m, p)` are zero and the condition numbers `(n,)` infinite.
+        """
+        with np.errstate(all="ignore"):
+            relative = self.sensitivity(x) / self.scale(x)[..., None]
+        good = good & np.isfinite(relative).all(axis=(1, 2))
+        relative = np.where(good[:, None, None], relative, 0.0)
+        return good, relative, np.where(good, np.linalg.norm(relative, ord=2, axis=(1, 2)), np.inf)
 
 
 def solve_lines(equations: Equations) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
@@ -201,8 +220,8 @@ def quadratic_solutions(eq: Equations) -> list[NDArray[np.complex128]]:
     second = q[:, 1] * q[:, 2] - q[:, 3] ** 2
     first = p[:, 1] * q[:, 2] + p[:, 2] * q[:, 1] - 2.0 * p[:, 3] * q[:, 3] - q[:, 0]
     rest = p[:, 1] * p[:, 2] - p[:, 3] ** 2 - p[:, 0]
-    found = [(p + root[:, None] * q) * sizes for root in _quadratic_roots(second, first, rest)]
-    return [x[:, [False, *unknown]] for x in found]
+    solutions = [(p + root[:, None] * q) * sizes for root in _quadratic_roots(second, first, rest)]
+    return [x[:, [False, *unknown]] for x in solutions]
 
 
 def _quadratic_roots(
@@ -261,15 +280,15 @@ def _select_consistent(
 
     Where several fit about equally well, the one closest to the solutions of the other lines is selected.
     """
-    found = np.stack(solutions, axis=1)
+    values = np.stack(solutions, axis=1)
     costs = np.stack([eq.cost(x) for x in solutions], axis=1)
     best = np.argmin(costs, axis=1)
-    rows = np.arange(len(found))
-    chosen = found[rows, best]
+    rows = np.arange(len(values))
+    chosen = values[rows, best]
     # Closed solutions have rounding errors as residuals; the smaller one is not the better fit.
     good = costs <= np.maximum(costs[rows, best] + _EQUIVALENT, 2.0 * costs[rows, best])[:, None]
     scale = np.stack([eq.scale(x) for x in solutions], axis=1)
-    apart = np.max(np.abs(found - chosen[:, None]) / scale, axis=-1) > 1e-6
+    apart = np.max(np.abs(values - chosen[:, None]) / scale, axis=-1) > 1e-6
     ambiguous = np.any(good & apart, axis=1)
     if not ambiguous.any():
         return chosen, ambiguous
@@ -280,15 +299,15 @@ def _select_consistent(
     least = np.inf
     for line in np.argsort(-weight)[:_CENTRES]:
         for which in np.flatnonzero(good[line]):
-            middle = found[line, which].real
+            middle = values[line, which].real
             if np.any(middle[diagonal] <= 0.0):
                 continue
             # The error of a poorly determined solution may reach its standard deviation.
-            off = np.sum(np.abs(found.real - middle) / np.hypot(scale[line, which], deviation), axis=-1)
+            off = np.sum(np.abs(values.real - middle) / np.hypot(scale[line, which], deviation), axis=-1)
             distance = np.where(good & np.isfinite(off), off / (1.0 + off), 2.0)
             total = float(np.sum(weight * np.min(distance, axis=1)))
             if total < least:
-                least, chosen = total, found[rows, np.argmin(distance, axis=1)]
+                least, chosen = total, values[rows, np.argmin(distance, axis=1)]
     return chosen, ambiguous
 
 

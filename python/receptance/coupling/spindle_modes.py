@@ -207,31 +207,31 @@ def mode_tolerances(part: ModalPart, covariance: ArrayLike) -> tuple[Tolerance, 
     >>> spindle = ModalPart(modes=[Mode(frequency_hz=900.0, damping_ratio=0.03, y=0.2, theta=1.0)], name="spindle")
     >>> deviation = np.zeros(len(spindle.addresses))
     >>> deviation[spindle.addresses.index("mode[0].frequency_hz")] = 3.0
-    >>> [(one.name, dict(one.moves)) for one in mode_tolerances(spindle, np.diag(deviation**2))]
+    >>> [(error.name, dict(error.moves)) for error in mode_tolerances(spindle, np.diag(deviation**2))]
     [('spindle, error 1', {'spindle.mode[0].frequency_hz': 3.0})]
     """
     owner = "mode_tolerances"
     if not part.name:
         raise ValueError(f"{owner}: the modal part has no name, expected name=... as in the addresses of its numbers")
-    given = np.asarray(covariance, dtype=np.float64)
+    matrix = np.asarray(covariance, dtype=np.float64)
     size = len(part.addresses)
-    if given.shape != (size, size):
+    if matrix.shape != (size, size):
         raise ValueError(
-            f"{owner}: covariance has shape {given.shape}, expected ({size}, {size}): rows in the order of "
+            f"{owner}: covariance has shape {matrix.shape}, expected ({size}, {size}): rows in the order of "
             f"`part.addresses`, {', '.join(part.addresses[:3])}, ..."
         )
-    if not np.isfinite(given).all():
+    if not np.isfinite(matrix).all():
         raise ValueError(f"{owner}: covariance has a number that is not finite")
-    deviation = np.sqrt(np.diag(given).clip(0.0))
+    deviation = np.sqrt(np.diag(matrix).clip(0.0))
     exact = deviation == 0.0
     scale = np.where(exact, 1.0, deviation)
-    correlation = given / np.outer(scale, scale)
+    correlation = matrix / np.outer(scale, scale)
     if np.abs(correlation - correlation.T).max() > _SYMMETRIC:
         raise ValueError(f"{owner}: covariance is not symmetric")
     values, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
     if values[0] < -_SYMMETRIC * size:
         raise ValueError(f"{owner}: covariance has a negative eigenvalue, expected a positive semidefinite matrix")
-    found: list[Tolerance] = []
+    tolerances: list[Tolerance] = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
         if value <= _SYMMETRIC:
             break
@@ -239,11 +239,11 @@ def mode_tolerances(part: ModalPart, covariance: ArrayLike) -> tuple[Tolerance, 
         kept = np.abs(vector) > _SYMMETRIC
         moves = {
             f"{part.name}.{address}": float(share)
-            for address, share, one in zip(part.addresses, shares, kept, strict=True)
-            if one and share
+            for address, share, is_kept in zip(part.addresses, shares, kept, strict=True)
+            if is_kept and share
         }
-        found.append(Tolerance(name=f"{part.name}, error {len(found) + 1}", moves=moves))
-    return tuple(found)
+        tolerances.append(Tolerance(name=f"{part.name}, error {len(tolerances) + 1}", moves=moves))
+    return tuple(tolerances)
 
 
 def _magnitudes(part: ModalPart, lines: NDArray[np.inexact]) -> NDArray[np.float64]:

@@ -239,17 +239,13 @@ def identify_spindle(
     observed, lines, rows, dropped = common_lines(observed)
     equations = blank_equations(observed, lines, rows, threads)
     x, ambiguous, imprecise = _solve(equations, share)
-    with np.errstate(all="ignore"):
-        good = np.isfinite(x).all(axis=1) & np.isfinite(equations.cost(np.where(np.isfinite(x), x, 1.0)))
-    x = np.where(good[:, None], x, 0.0)
-    with np.errstate(all="ignore"):
-        rank = np.where(good, equations.rank(x), 0)
+    x, rank = equations.determined(x)
     if rank.max(initial=0) < len(TERMS):
         raise ValueError(
             f"the {len(observed)} receptances determine only {rank.max(initial=0)} of the spindle's three terms: "
             "responses to one load are not sufficient; hit at a second point, or use another blank"
         )
-    good &= rank == len(TERMS)
+    good = rank == len(TERMS)
     spindle = _result(equations, observed, lines, x, good, ambiguous & good, imprecise, share)
     notes = [note for observation in observed for note in observation.notes]
     if dropped:
@@ -275,12 +271,9 @@ def _result(
 ) -> SpindleReceptance:
     """Return the spindle with its covariance, usable lines and notes on the lines that are not usable."""
     with np.errstate(all="ignore"):
-        reaction, scale = equations.sensitivity(x), equations.scale(x)
-        relative = reaction / scale[..., None]
-        good = good & np.isfinite(relative).all(axis=(1, 2))
-        relative = np.where(good[:, None, None], relative, 0.0)
-        condition = np.where(good, np.linalg.norm(relative, ord=2, axis=(1, 2)), np.inf)
-        moved = np.where(good[:, None, None], reaction * equations.deviation[:, None, :], np.nan)
+        good, relative, condition = equations.conditions(x, good)
+        scale = equations.scale(x)
+        moved = np.where(good[:, None, None], relative * scale[..., None] * equations.deviation[:, None, :], np.nan)
         covariance = moved @ np.conj(moved).transpose(0, 2, 1)
         deviation = np.sqrt(np.einsum("nii->ni", covariance).real)
         usable = good & (deviation <= share * scale).all(axis=1) & ~ambiguous & ~imprecise

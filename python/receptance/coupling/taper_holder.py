@@ -314,8 +314,8 @@ def without_each(hits: Hits, **settings: Unpack[EstimateKeywords]) -> tuple[FRF,
         # The estimate from all hits has given these warnings already.
         warnings.simplefilter("ignore", ReceptanceWarning)
         # Only the values are used, so the variance is not pooled.
-        own: EstimateKeywords = {"pooled_lines": 1, **settings}
-        return tuple(hammer.estimate_frf(hits.without(hit.number, reason="left out"), **own) for hit in hits.kept)
+        keywords: EstimateKeywords = {"pooled_lines": 1, **settings}
+        return tuple(hammer.estimate_frf(hits.without(hit.number, reason="left out"), **keywords) for hit in hits.kept)
 
 
 def _relative_errors(

@@ -87,9 +87,9 @@ def bounds_of_modes(
     sizes = w * np.sqrt(2.0 * middle * np.exp(np.interp(frequencies, lines, logarithm)))
     sizes = np.array([abs(mode.get("y", 0.0)) or size for mode, size in zip(given, sizes.tolist(), strict=True)])
     reach = _SHAPE * float(sizes.max())
-    found: list[Unknown] = []
+    unknowns: list[Unknown] = []
     for index, (mode, frequency, size) in enumerate(zip(given, frequencies, sizes.tolist(), strict=True)):
-        own = f"{name}.mode[{index}]"
+        address = f"{name}.mode[{index}]"
         below, above = float(lines[0]) / _BEYOND, float(lines[-1]) * _BEYOND
         if "frequency_hz" in mode:
             below, above = frequency / _FREQUENCY, frequency * _FREQUENCY
@@ -98,18 +98,18 @@ def bounds_of_modes(
         turned = -1.0 if mode.get("y", 0.0) < 0.0 else 1.0
         theta = turned * mode.get("theta", 0.0)
         slope = max(_SLOPE * reach / length, 2.0 * abs(theta))
-        found += [
-            _around(f"{own}.frequency_hz", frequency, below, above),
-            _around(f"{own}.damping_ratio", damping, min(lowest, damping / 2.0), max(highest, 2.0 * damping)),
-            _around(f"{own}.y", size, -reach, reach),
-            _around(f"{own}.theta", theta, -slope, slope),
+        unknowns += [
+            _around(f"{address}.frequency_hz", frequency, below, above),
+            _around(f"{address}.damping_ratio", damping, min(lowest, damping / 2.0), max(highest, 2.0 * damping)),
+            _around(f"{address}.y", size, -reach, reach),
+            _around(f"{address}.theta", theta, -slope, slope),
         ]
     compliance = float(np.sum((sizes / w) ** 2))
     for residual, unit in zip(RESIDUALS, (1.0, 1.0 / length**2, 1.0 / length), strict=True):
         value = residuals.get(residual, 0.0)
         limit = max(_RESIDUAL * compliance * unit, 2.0 * abs(value))
-        found.append(_around(f"{name}.{residual}", value, -limit, limit))
-    return found
+        unknowns.append(_around(f"{name}.{residual}", value, -limit, limit))
+    return unknowns
 
 
 def _around(address: str, start: float, lower: float, upper: float) -> Unknown:
@@ -123,12 +123,12 @@ def _length(assembly: Assembly) -> float:
 
 def _mean(observations: Sequence[Observation]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return lines in Hz, and the mean logarithm of the magnitudes of all FRFs that cover each line."""
-    own = [observation.frequency_hz.real for observation in observations]
-    lines: NDArray[np.float64] = np.unique(np.concatenate(own))
+    grids = [observation.frequency_hz.real for observation in observations]
+    lines: NDArray[np.float64] = np.unique(np.concatenate(grids))
     rows = []
-    for at, one in zip(own, observations, strict=True):
-        magnitude: NDArray[np.inexact] = np.abs(one.receptance)
-        rows.append(np.interp(lines, at, np.log(np.maximum(magnitude, 1e-300)), left=np.nan, right=np.nan))
+    for grid, observation in zip(grids, observations, strict=True):
+        magnitude: NDArray[np.inexact] = np.abs(observation.receptance)
+        rows.append(np.interp(lines, grid, np.log(np.maximum(magnitude, 1e-300)), left=np.nan, right=np.nan))
     mean: NDArray[np.float64] = np.nanmean(rows, axis=0)
     return lines, mean
 
@@ -141,16 +141,16 @@ def _frequencies(
     given: Sequence[float | None], lines: NDArray[np.float64], logarithm: NDArray[np.float64]
 ) -> list[float]:
     """Return a frequency for each mode: the given one, or one of the lowest peaks in ascending order."""
-    known = [one for one in given if one is not None]
-    missing = len(given) - len(known)
+    stated = [frequency for frequency in given if frequency is not None]
+    missing = len(given) - len(stated)
     # A free structure that joins the plane raises no natural frequency: the n-th of the assembly is at most that
     # of the spindle (separation of eigenvalues). So the lowest peaks are taken, not the highest.
-    free = [f for f in _peaks(lines, logarithm) if all(abs(f - one) > _SAME * one for one in known)][:missing]
+    free = [f for f in _peaks(lines, logarithm) if all(abs(f - other) > _SAME * other for other in stated)][:missing]
     # Modes without a peak are distributed over the band.
     rest = missing - len(free)
     free += [float(f) for f in np.geomspace(max(lines[0], 0.01 * lines[-1]), lines[-1], rest + 2)[1:-1]]
     waiting = iter(free)
-    return [next(waiting) if one is None else one for one in given]
+    return [next(waiting) if frequency is None else frequency for frequency in given]
 
 
 @dataclass(frozen=True)
@@ -163,19 +163,19 @@ class _Modes:
     @classmethod
     def among(cls, name: str, unknowns: Sequence[Unknown]) -> _Modes:
         """Return the unknowns of a part by mode."""
-        found: dict[int, dict[str, Unknown]] = {}
+        modes: dict[int, dict[str, Unknown]] = {}
         for unknown in unknowns:
             match = _MODE.fullmatch(unknown.address)
             if match is not None and match[1] == name and not unknown.tied and unknown.configurations is None:
-                found.setdefault(int(match[2]), {})[match[3]] = unknown
-        return cls(name, tuple(found[index] for index in sorted(found)))
+                modes.setdefault(int(match[2]), {})[match[3]] = unknown
+        return cls(name, tuple(modes[index] for index in sorted(modes)))
 
     def may_grow(self, index: int) -> bool:
         """Return whether all numbers of a mode are unknown and its shape may be zero."""
-        own = self.modes[index]
-        if not {"frequency_hz", "damping_ratio", "y", "theta"} <= own.keys():
+        mode = self.modes[index]
+        if not {"frequency_hz", "damping_ratio", "y", "theta"} <= mode.keys():
             return False
-        return all(own[key].scale == "linear" and own[key].lower < 0.0 < own[key].upper for key in ("y", "theta"))
+        return all(mode[key].scale == "linear" and mode[key].lower < 0.0 < mode[key].upper for key in ("y", "theta"))
 
 
 def start_modes(
@@ -194,7 +194,7 @@ def start_modes(
     the number of starts, drawn with the seed, of the fit with the modes that have a peak.
     """
     observed = tuple(_thinned(observation) for observation in observations)
-    found = _Modes.among(name, unknowns)
+    part = _Modes.among(name, unknowns)
     frfs = [
         observation
         for observation in observations
@@ -203,19 +203,19 @@ def start_modes(
     peaks = _peaks(*_mean(frfs))
     without_peak = [
         index
-        for index, mode in enumerate(found.modes)
-        if found.may_grow(index)
+        for index, mode in enumerate(part.modes)
+        if part.may_grow(index)
         and not any(abs(_start_of(mode["frequency_hz"]) - peak) < _SAME_LINE * peak for peak in peaks)
     ]
     task = _task(observed, unknowns, tolerances, threads)
     columns = {name: column for column, name in enumerate(task.variables.names)}
-    growth = _Growth(task, task.problem(), found, columns)
+    growth = _Growth(task, task.problem(), part, columns)
     # A fit that begins with all peaks may have a tool's peak among them; one that begins with a mode has fewer hints.
-    after_first = [index for index in range(len(found.modes)) if found.may_grow(index)][1:]
+    after_first = [index for index in range(len(part.modes)) if part.may_grow(index)][1:]
     ends = []
     for waiting in (without_peak, after_first) if without_peak != after_first else (after_first,):
-        first = _begun(observed, unknowns, found, waiting, tolerances, starts, seed, threads)
-        absent = {found.modes[index][key].name: 0.0 for index in waiting for key in ("y", "theta")}
+        first = _begun(observed, unknowns, part, waiting, tolerances, starts, seed, threads)
+        absent = {part.modes[index][key].name: 0.0 for index in waiting for key in ("y", "theta")}
         x = growth.at({**first, **absent})
         for count, index in enumerate(waiting):
             x = growth.add(x, index, waiting[count + 1 :])
@@ -242,16 +242,16 @@ def _task(
     tolerances: Sequence[Tolerance],
     threads: int | None,
 ) -> Task:
-    parameters = Parameters(unknowns, tolerances, [one.site(i) for i, one in enumerate(observed)])
-    weighted = all(one.weighted for one in observed)
-    units: list[Unit] = ["standard deviations" if weighted else one.unit for one in observed]
+    parameters = Parameters(unknowns, tolerances, [observation.site(i) for i, observation in enumerate(observed)])
+    weighted = all(observation.weighted for observation in observed)
+    units: list[Unit] = ["standard deviations" if weighted else observation.unit for observation in observed]
     return Task(tuple(observed), parameters, tuple(units), threads=threads)
 
 
 def _begun(
     observed: Sequence[Observation],
     unknowns: Sequence[Unknown],
-    found: _Modes,
+    part: _Modes,
     waiting: Sequence[int],
     tolerances: Sequence[Tolerance],
     starts: int,
@@ -259,10 +259,10 @@ def _begun(
     threads: int | None,
 ) -> dict[str, float]:
     """Return the values of a fit by continuation without the waiting modes, from narrow bounds around the starts."""
-    absent = {unknown.name for index in waiting for unknown in found.modes[index].values()}
+    absent = {unknown.name for index in waiting for unknown in part.modes[index].values()}
     narrow: dict[str, Unknown] = {}
-    for index, mode in enumerate(found.modes):
-        if index in waiting or not found.may_grow(index):
+    for index, mode in enumerate(part.modes):
+        if index in waiting or not part.may_grow(index):
             continue
         frequency, y, theta = mode["frequency_hz"], mode["y"], mode["theta"]
         f, size = _start_of(frequency), abs(_start_of(y)) or y.upper / _SHAPE
@@ -274,11 +274,11 @@ def _begun(
         )
         slope = max(theta.upper * min(size * _SHAPE / y.upper, 1.0), 2.0 * abs(_start_of(theta)))
         narrow[theta.name] = replace(theta, lower=max(theta.lower, -slope), upper=min(theta.upper, slope))
-    zero = {f"{found.name}.mode[{index}].{key}": 0.0 for index in waiting for key in ("y", "theta")}
-    without = [
-        altered(one, assembly=one.assembly.replace({k: v for k, v in zero.items() if k in one.assembly.parameters}))
-        for one in observed
-    ]
+    zero = {f"{part.name}.mode[{index}].{key}": 0.0 for index in waiting for key in ("y", "theta")}
+    without = []
+    for observation in observed:
+        shapes = {address: value for address, value in zero.items() if address in observation.assembly.parameters}
+        without.append(altered(observation, assembly=observation.assembly.replace(shapes)))
     kept = [narrow.get(unknown.name, unknown) for unknown in unknowns if unknown.name not in absent]
     task = _task(without, kept, tolerances, threads)
     problem = task.problem()
@@ -292,7 +292,7 @@ class _Growth:
 
     task: Task
     problem: Problem
-    found: _Modes
+    part: _Modes
     columns: Mapping[str, int]
     """Columns of the fitted vector by name of the unknown."""
 
@@ -307,9 +307,9 @@ class _Growth:
     def add(self, x: NDArray[np.float64], index: int, waiting: Sequence[int]) -> NDArray[np.float64]:
         """Return the vector after the mode `index` was added; those in `waiting` stay absent."""
         free = np.ones(x.size, dtype=np.bool_)
-        free[[self.columns[unknown.name] for other in waiting for unknown in self.found.modes[other].values()]] = False
+        free[[self.columns[unknown.name] for other in waiting for unknown in self.part.modes[other].values()]] = False
         before = free.copy()
-        before[[self.columns[unknown.name] for unknown in self.found.modes[index].values()]] = False
+        before[[self.columns[unknown.name] for unknown in self.part.modes[index].values()]] = False
         x = self.problem.fit(x[None], 2 * _EVALUATIONS, free=before, tolerance=1e-6)[0].x
         begun = self._candidates(x, index, before)
         if not begun:
@@ -320,14 +320,14 @@ class _Growth:
 
     def _candidates(self, x: NDArray[np.float64], index: int, active: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
         """Return vectors with the mode at the natural frequencies at which it reduces the residuals most."""
-        own = self.found.modes[index]
+        mode = self.part.modes[index]
         residual, jacobian = self.problem.residual(x), self.problem.jacobian(x)
         if not np.isfinite(residual).all():
             return []
         basis, _ = np.linalg.qr(jacobian[:, active])
-        entries = jacobian[:, [self.columns[f"{self.found.name}.{key}"] for key in RESIDUALS]]
+        entries = jacobian[:, [self.columns[f"{self.part.name}.{key}"] for key in RESIDUALS]]
         left = residual - basis @ (basis.T @ residual)
-        frequency, y, theta = own["frequency_hz"], own["y"], own["theta"]
+        frequency, y, theta = mode["frequency_hz"], mode["y"], mode["theta"]
         angles = np.pi * (np.arange(_ANGLES) / _ANGLES - 0.5)
         shapes = np.stack([np.cos(angles), theta.upper / y.upper / _SLOPE * np.sin(angles)], axis=1)
         products = np.stack([shapes[:, 0] ** 2, shapes[:, 1] ** 2, shapes[:, 0] * shapes[:, 1]], axis=1)
@@ -343,7 +343,7 @@ class _Growth:
                 if gain[best] > 0.0:
                     size = np.sqrt(-slope[best] / square[best])
                     tried.append((float(gain[best]), f, ratio, size * shapes[best]))
-        tried.sort(key=lambda one: -one[0])
+        tried.sort(key=lambda candidate: -candidate[0])
         kept: list[tuple[float, NDArray[np.float64]]] = []
         for _, f, ratio, shape in tried:
             if len(kept) == _TRIED:
@@ -352,7 +352,7 @@ class _Growth:
                 values = {"frequency_hz": f, "damping_ratio": ratio, "y": shape[0], "theta": shape[1]}
                 vector = x.copy()
                 for key, value in values.items():
-                    column = self.columns[own[key].name]
+                    column = self.columns[mode[key].name]
                     vector[column] = np.log10(value) if self.task.variables.logarithmic[column] else value
                 kept.append((f, np.clip(vector, *self.task.variables.limits)))
         return [vector for _, vector in kept]
@@ -375,23 +375,23 @@ class _Growth:
     def started(self, x: NDArray[np.float64], unknowns: Sequence[Unknown]) -> list[Unknown]:
         """Return the unknowns with their values as starts: y positive, and modes of equal bounds in ascending order."""
         values = self.problem.named(x)
-        numbers = [{key: values[unknown.name] for key, unknown in mode.items()} for mode in self.found.modes]
-        grown = [index for index in range(len(numbers)) if self.found.may_grow(index)]
+        numbers = [{key: values[unknown.name] for key, unknown in mode.items()} for mode in self.part.modes]
+        grown = [index for index in range(len(numbers)) if self.part.may_grow(index)]
         for index in grown:
             if numbers[index]["y"] < 0.0:
                 for key in numbers[index].keys() & {"y", "theta", "y_imaginary", "theta_imaginary"}:
                     numbers[index][key] *= -1.0
         alike: dict[tuple[float, ...], list[int]] = {}
         for index in grown:
-            own = self.found.modes[index]
-            bounds = [bound for key in sorted(own) for bound in (own[key].lower, own[key].upper)]
+            mode = self.part.modes[index]
+            bounds = [bound for key in sorted(mode) for bound in (mode[key].lower, mode[key].upper)]
             alike.setdefault(tuple(bounds), []).append(index)
         for places in alike.values():
-            ordered = sorted((numbers[index] for index in places), key=lambda one: one["frequency_hz"])
-            for index, one in zip(places, ordered, strict=True):
-                numbers[index] = one
-        for own, one in zip(self.found.modes, numbers, strict=True):
-            values |= {own[key].name: value for key, value in one.items()}
+            ordered = sorted((numbers[index] for index in places), key=lambda row: row["frequency_hz"])
+            for index, row in zip(places, ordered, strict=True):
+                numbers[index] = row
+        for mode, row in zip(self.part.modes, numbers, strict=True):
+            values |= {mode[key].name: value for key, value in row.items()}
         return [
             replace(unknown, start=float(np.clip(values[unknown.name], unknown.lower, unknown.upper)))
             if unknown.name in values

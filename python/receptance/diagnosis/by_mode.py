@@ -112,17 +112,19 @@ def residuals_by_mode(fit: Fit) -> tuple[ModeResidual, ...]:
     Modes of receptances are the measured peaks. Frequency and damping are those of a circle fitted to the measured
     peak, and to the nearest modelled one.
     """
-    found: list[ModeResidual] = []
-    for observation, curve in zip(fit.model.observations, curves(fit), strict=True):
-        found += modes_of(observation, curve)
-    return tuple(found)
+    pairs = zip(fit.model.observations, curves(fit), strict=True)
+    return tuple(mode for observation, curve in pairs for mode in modes_of(observation, curve))
 
 
 def residuals_of_frequencies(fit: Fit) -> list[ModeResidual]:
     """Return the residuals of a fit at each measured natural frequency, without those of receptances."""
     pairs = zip(fit.model.observations, fit.parts, strict=True)
-    found = [(observation, curve_of(observation, part)) for observation, part in pairs if not observation.is_receptance]
-    return [mode for one, curve in found for mode in _at_frequencies(one, curve)]
+    return [
+        mode
+        for observation, residual in pairs
+        if not observation.is_receptance
+        for mode in _at_frequencies(observation, curve_of(observation, residual))
+    ]
 
 
 def modes_of(observation: Observation, curve: Curve) -> list[ModeResidual]:
@@ -175,14 +177,14 @@ class _Record:
                 decay_rate=self.decay_rate,
                 log_variance=None if self.standard_deviation is None else np.square(self.standard_deviation),
             )
-            found = _modes(frf)
+            modes = _modes(frf)
         if self.standard_deviation is None:
-            return found
+            return modes
         # A peak within an antiresonance may be noise. At a resonance a large deviation is that of a discrepancy.
         is_noisy = self.standard_deviation > NOISIEST_LINE
         is_noise = is_noisy & in_antiresonance(self.frequency_hz, np.abs(self.values))
-        nearest = [int(np.argmin(np.abs(self.frequency_hz - one.frequency_hz))) for one in found]
-        return tuple(one for one, line in zip(found, nearest, strict=True) if not is_noise[line])
+        nearest = [int(np.argmin(np.abs(self.frequency_hz - mode.frequency_hz))) for mode in modes]
+        return tuple(mode for mode, line in zip(modes, nearest, strict=True) if not is_noise[line])
 
     @cached_property
     def _key(self) -> tuple[float, tuple[bytes, ...]]:
@@ -204,21 +206,21 @@ def _modes_of_measured(record: _Record) -> tuple[ModeEstimate, ...]:
 
 def _modes(frf: FRF) -> tuple[ModeEstimate, ...]:
     """Return the peaks, each from a circle fit where there are enough lines."""
-    found: list[ModeEstimate] = []
+    modes: list[ModeEstimate] = []
     for peak in find_peaks(frf):
         half = CIRCLE_WIDTHS * peak.frequency_hz * (peak.damping_ratio if np.isfinite(peak.damping_ratio) else 0.01)
         try:
-            found.append(circle_fit(frf, low_hz=peak.frequency_hz - half, high_hz=peak.frequency_hz + half))
+            modes.append(circle_fit(frf, low_hz=peak.frequency_hz - half, high_hz=peak.frequency_hz + half))
         except ValueError:
-            found.append(peak)
-    return tuple(found)
+            modes.append(peak)
+    return tuple(modes)
 
 
 def _compare(curve: Curve, number: int, mode: ModeEstimate, near: ModeEstimate | None) -> ModeResidual:
     if near is None:
         return ModeResidual(curve.label, curve.configuration, number, mode.frequency_hz)
-    own = _highest(curve.frequency_hz, curve.measured, mode.frequency_hz)
-    other = _highest(curve.frequency_hz, curve.modelled, near.frequency_hz)
+    measured = _highest(curve.frequency_hz, curve.measured, mode.frequency_hz)
+    modelled = _highest(curve.frequency_hz, curve.modelled, near.frequency_hz)
     return ModeResidual(
         label=curve.label,
         configuration=curve.configuration,
@@ -226,8 +228,8 @@ def _compare(curve: Curve, number: int, mode: ModeEstimate, near: ModeEstimate |
         measured_hz=mode.frequency_hz,
         frequency_percent=100.0 * (near.frequency_hz - mode.frequency_hz) / mode.frequency_hz,
         damping_percent=100.0 * (near.damping_ratio / mode.damping_ratio - 1.0),
-        level_db=float(20.0 * np.log10(abs(other / own))),
-        phase_deg=float(np.degrees(np.angle(other / own))),
+        level_db=float(20.0 * np.log10(abs(modelled / measured))),
+        phase_deg=float(np.degrees(np.angle(modelled / measured))),
     )
 
 

@@ -234,9 +234,8 @@ def _stays(lines: NDArray[np.float64], values: NDArray[np.complex128]) -> bool:
     x = (lines - lines.mean()) / np.ptp(lines)
     power = np.abs(values) ** 2 / np.max(np.abs(values)) ** 2
     # |1 / (x - p)|^-2 is quadratic in x.
-    rows = power[:, None] * np.stack([x**2, x, np.ones_like(x)], axis=1)
-    quadratic, *_ = np.linalg.lstsq(rows, np.ones_like(x), rcond=None)
-    misfit = float(np.sqrt(np.mean((rows @ quadratic - 1.0) ** 2)))
+    quadratic = np.polyfit(x, 1.0 / power, 2, w=power)
+    misfit = float(np.sqrt(np.mean((power * np.polyval(quadratic, x) - 1.0) ** 2)))
     pole = complex(np.roots(quadratic)[0]) if quadratic[0] > 0.0 else 0j
     if misfit > _MAGNITUDE_MISFIT or abs(pole.imag) < float(np.diff(x).max()):
         return False

@@ -271,9 +271,9 @@ class Hits(Renderable):
         ValueError
             An unknown number, or an empty reason.
         """
-        known = {hit.number for hit in self.hits}
+        existing = {hit.number for hit in self.hits}
         for number in numbers:
-            if number not in known:
+            if number not in existing:
                 raise ValueError(f"there is no hit {number}; the numbers are 1 to {len(self.hits)}")
         if not reason:
             raise ValueError("reason is empty; state why the hits are dropped")

@@ -47,10 +47,10 @@ class Lines:
             return None
         share = np.ones_like(self.relative)
         for entry in range(self.values.shape[1]):
-            known = np.isfinite(self.relative[:, entry]) & (self.values[:, entry] != 0.0)
-            if known.any():
-                variance = self.relative[known, entry] ** 2
-                share[known, entry] = additive_share(self.values[known, entry], variance, self.correlated_lines)
+            finite = np.isfinite(self.relative[:, entry]) & (self.values[:, entry] != 0.0)
+            if finite.any():
+                variance = self.relative[finite, entry] ** 2
+                share[finite, entry] = additive_share(self.values[finite, entry], variance, self.correlated_lines)
         return share
 
     @property
@@ -110,9 +110,9 @@ def _relative(owner: str, part: FRF) -> tuple[NDArray[np.float64] | None, tuple[
     if part.log_variance is None:
         return None, ()
     variance = part.log_variance.reshape(part.shape[0], -1)
-    unknown = np.flatnonzero(~np.isfinite(variance).any(axis=0))
-    if unknown.size:
-        row, column = divmod(int(unknown[0]), part.shape[2])
+    without = np.flatnonzero(~np.isfinite(variance).any(axis=0))
+    if without.size:
+        row, column = divmod(int(without[0]), part.shape[2])
         raise ValueError(
             f"{owner}: the log_variance of response {row} by excitation {column} is infinite on all lines between "
             f"{part.frequency_hz[0]:g} and {part.frequency_hz[-1]:g} Hz; leave the entry out"

@@ -276,8 +276,8 @@ class ModeSearch:
             return 0.0
         weights = weights_of(self.lines, self.scatter, None)
         common = self._common(weights)
-        known = common > 0.0
-        return float(np.mean((common[known] / weights[known]) ** 2))
+        weighted = common > 0.0
+        return float(np.mean((common[weighted] / weights[weighted]) ** 2))
 
     @staticmethod
     def _common(weights: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -286,13 +286,13 @@ class ModeSearch:
         With these all entries share one factorisation during the search; the last fit uses the original weights. Lines
         with an entry of unknown variance are left out, unless few lines would remain.
         """
-        known = np.all(weights > 0.0, axis=1)
-        if np.count_nonzero(known) < 0.5 * known.size:
+        stated = np.all(weights > 0.0, axis=1)
+        if np.count_nonzero(stated) < 0.5 * stated.size:
             return weights
-        size = np.log(weights[known])
+        size = np.log(weights[stated])
         lines = size.mean(axis=1, keepdims=True)
         common = np.zeros_like(weights)
-        common[known] = np.exp(lines + (size - lines).mean(axis=0))
+        common[stated] = np.exp(lines + (size - lines).mean(axis=0))
         return common
 
     def _problem(self, fit: PoleFit | None) -> PoleProblem:
@@ -305,18 +305,18 @@ class ModeSearch:
         if isinstance(self.modes, int):
             inside, requested = (inside, requested) if missing > 0 else (Poles.none(), requested[:0])
         elif self.modes is not None:
-            given, missing_indices = self._given, self._missing_frequencies(poles)
+            starts, missing_indices = self._given, self._missing_frequencies(poles)
             frequency = inside.values.imag[:, None]
-            near = (frequency >= given.low.imag) & (frequency <= given.high.imag)
+            near = (frequency >= starts.low.imag) & (frequency <= starts.high.imag)
             others = inside.subset(np.logical_not(near.any(axis=1)))
             inside, requested = others, np.zeros(others.values.size, dtype=bool)
             for index in missing_indices:
                 # Candidates belong to the nearest given frequency without a pole.
-                distance = np.abs(frequency - given.values.imag[missing_indices])
+                distance = np.abs(frequency - starts.values.imag[missing_indices])
                 nearest = np.array(missing_indices)[np.argmin(distance, axis=1)]
                 candidates = self.candidates[near[:, index] & (nearest == index)]
-                guesses = np.append(candidates, given.values[index])
-                low, high = (np.full(guesses.size, bounds[index]) for bounds in (given.low, given.high))
+                guesses = np.append(candidates, starts.values[index])
+                low, high = (np.full(guesses.size, bounds[index]) for bounds in (starts.low, starts.high))
                 inside = inside.joined_with(Poles(guesses, low, high, np.full(guesses.size, index)))
                 requested = np.append(requested, np.ones(guesses.size, dtype=bool))
         f = self.lines.frequency_hz

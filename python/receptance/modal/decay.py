@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.errors import warn_user
-from receptance.modal.estimate import intervals
+from receptance.modal.estimate import ModeIntervals
 from receptance.report import Column, Provenance, Result, Table
 from receptance.report.table import percent
 
@@ -147,7 +147,7 @@ _MAX_INITIAL_SCATTER = 0.05
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class RingDown(Result):
+class RingDown(ModeIntervals, Result):
     """Natural frequency and damping of one mode during its decay, one value per block of time."""
 
     time_s: NDArray[np.float64]
@@ -192,16 +192,8 @@ class RingDown(Result):
                 f"{low:g} and {high:g}, the amplitudes in the middle of the last and of the first block"
             )
         order = np.argsort(self.amplitude)
-        x, known = np.log(amplitudes), np.log(self.amplitude[order])
-        return np.interp(x, known, self.frequency_hz[order]), np.interp(x, known, self.damping_ratio[order])
-
-    def frequency_interval_hz(self, level: float = 0.95) -> NDArray[np.float64]:
-        """Return the confidence intervals `(k, 2)` of the natural frequencies."""
-        return intervals(self.frequency_hz, self.frequency_standard_error_hz, level, self.degrees_of_freedom)
-
-    def damping_interval(self, level: float = 0.95) -> NDArray[np.float64]:
-        """Return the confidence intervals `(k, 2)` of the damping ratios."""
-        return intervals(self.damping_ratio, self.damping_standard_error, level, self.degrees_of_freedom)
+        x, blocks = np.log(amplitudes), np.log(self.amplitude[order])
+        return np.interp(x, blocks, self.frequency_hz[order]), np.interp(x, blocks, self.damping_ratio[order])
 
     def tables(self) -> list[Table]:
         """Return frequency and damping of each block."""

@@ -14,8 +14,34 @@ from receptance.modal._least_squares import PoleFit
 Method = Literal["peak", "half-power", "circle", "global"]
 
 
+def _intervals(
+    values: ArrayLike, standard_errors: ArrayLike, level: float, degrees_of_freedom: ArrayLike
+) -> NDArray[np.float64]:
+    """Return the confidence intervals `(..., 2)` of values."""
+    half_widths = interval_factor(level, degrees_of_freedom) * np.asarray(standard_errors)
+    return np.stack([np.subtract(values, half_widths), np.add(values, half_widths)], axis=-1)
+
+
+class ModeIntervals:
+    """Confidence intervals from values, standard errors and degrees of freedom; of arrays `(k,)` they are `(k, 2)`."""
+
+    frequency_hz: float | NDArray[np.float64]
+    frequency_standard_error_hz: float | NDArray[np.float64]
+    damping_ratio: float | NDArray[np.float64]
+    damping_standard_error: float | NDArray[np.float64]
+    degrees_of_freedom: float | NDArray[np.float64]
+
+    def frequency_interval_hz(self, level: float = 0.95) -> NDArray[np.float64]:
+        """Return lower and upper end of the confidence interval of the natural frequency."""
+        return _intervals(self.frequency_hz, self.frequency_standard_error_hz, level, self.degrees_of_freedom)
+
+    def damping_interval(self, level: float = 0.95) -> NDArray[np.float64]:
+        """Return lower and upper end of the confidence interval of the damping ratio."""
+        return _intervals(self.damping_ratio, self.damping_standard_error, level, self.degrees_of_freedom)
+
+
 @dataclass(frozen=True, kw_only=True)
-class ModeEstimate:
+class ModeEstimate(ModeIntervals):
     """Estimate of one mode, H = C / (w_r^2 - w^2 + 2 i zeta_r w_r w) near it.
 
     Examples
@@ -61,32 +87,12 @@ class ModeEstimate:
         w = 2.0 * np.pi * self.frequency_hz
         return complex(-self.damping_ratio * w, w * np.sqrt(1.0 - self.damping_ratio**2))
 
-    def frequency_interval_hz(self, level: float = 0.95) -> tuple[float, float]:
-        """Return the confidence interval of the natural frequency."""
-        low, high = intervals(
-            self.frequency_hz, self.frequency_standard_error_hz, level, self.degrees_of_freedom
-        ).tolist()
-        return low, high
-
-    def damping_interval(self, level: float = 0.95) -> tuple[float, float]:
-        """Return the confidence interval of the damping ratio."""
-        low, high = intervals(self.damping_ratio, self.damping_standard_error, level, self.degrees_of_freedom).tolist()
-        return low, high
-
     def __repr__(self) -> str:
         return (
             f"ModeEstimate({self.method}: {self.frequency_hz:.6g} +- {self.frequency_standard_error_hz:.1g} Hz, "
             f"damping {100.0 * self.damping_ratio:.4g} +- {100.0 * self.damping_standard_error:.1g} %, "
             f"{self.lines_in_band:.1f} lines in the half-power band)"
         )
-
-
-def intervals(
-    values: ArrayLike, standard_errors: ArrayLike, level: float, degrees_of_freedom: ArrayLike
-) -> NDArray[np.float64]:
-    """Return the confidence intervals `(..., 2)` of values."""
-    half_widths = interval_factor(level, degrees_of_freedom) * np.asarray(standard_errors)
-    return np.stack([np.subtract(values, half_widths), np.add(values, half_widths)], axis=-1)
 
 
 def modal_values(

@@ -85,14 +85,18 @@ class _SingleMode:
     degrees_of_freedom: float
 
 
-def _single_mode(lines: Lines, part: slice, start: complex) -> _SingleMode:
-    """Fit one mode and a constant mobility to the only entry, from a first pole."""
+def _single_mode(lines: Lines, mobility: NDArray[np.complex128], peak: int, part: slice) -> _SingleMode:
+    """Fit one mode and a constant mobility to the lines of the only entry around a peak."""
     values = lines.values[part]
     weights = np.ones(values.shape)
     if lines.relative is not None:
         weights = 1.0 / (lines.relative[part] * np.maximum(np.abs(values), np.finfo(np.float64).tiny))
     else:
         weights /= float(np.max(np.abs(values)))
+    # The first pole is at the peak, and as wide as the lines above half power.
+    above = np.count_nonzero(np.abs(mobility[part]) >= np.abs(mobility[peak]) / np.sqrt(2.0))
+    decay = np.pi * above * lines.spacing_at(peak) - lines.frf.decay_rate
+    start = complex(-decay, 2.0 * np.pi * lines.frequency_hz[peak])
     model = PoleModel(lines.s[part], lines.power, _BACKGROUND)
     fit = PoleProblem(model, values, weights, lines.correlated_lines).fit(np.array([start]))
     if lines.relative is not None:
@@ -104,7 +108,7 @@ def _single_mode(lines: Lines, part: slice, start: complex) -> _SingleMode:
 
 
 def _relative_scatter(
-    lines: Lines, mobility: NDArray[np.complex128], peak: int, width_hz: float
+    lines: Lines, mobility: NDArray[np.complex128], peak: int
 ) -> tuple[NDArray[np.float64], float, tuple[str, ...]]:
     """Return the standard deviation of the log of every line of the only entry, its degrees of freedom, and notes.
 
@@ -115,8 +119,7 @@ def _relative_scatter(
         return lines.relative[:, 0], lines.freedom, ()
     size = np.abs(lines.values[:, 0])
     part = _lines_around_peak(np.abs(mobility), peak)
-    decay = np.pi * width_hz - lines.frf.decay_rate
-    single = _single_mode(lines, part, complex(-decay, 2.0 * np.pi * lines.frequency_hz[peak]))
+    single = _single_mode(lines, mobility, peak, part)
     if not np.isfinite(single.factor):
         note = f"{part.stop - part.start} lines around the peak are too few to estimate their scatter"
         return np.full(size.shape, np.inf), 1.0, (note,)
@@ -187,13 +190,13 @@ def find_peaks(
     lines, mobility = _single_entry(owner, frf, low_hz, high_hz, _FEWEST)
     size = np.maximum(np.abs(mobility), np.finfo(np.float64).tiny)
     maxima, _ = local_maxima(20.0 * np.log10(size), least)
-    found = []
+    modes = []
     for peak in maxima.tolist():
         part = _lines_around_peak(np.abs(mobility), peak, _PEAK_SHARE, _FEWEST)
         part = slice(max(part.start, peak - _MOST_AT_PEAK // 2), min(part.stop, peak + _MOST_AT_PEAK // 2 + 1))
         if lines.relative is None or np.count_nonzero(np.isfinite(lines.relative[part])) >= 4:
-            found.append(_mode_at_peak(lines, mobility, peak, part))
-    return tuple(found)
+            modes.append(_mode_at_peak(lines, mobility, peak, part))
+    return tuple(modes)
 
 
 def _mode_at_peak(lines: Lines, mobility: NDArray[np.complex128], peak: int, part: slice) -> ModeEstimate:
@@ -227,7 +230,7 @@ def _mode_at_peak(lines: Lines, mobility: NDArray[np.complex128], peak: int, par
 
 @dataclass(frozen=True)
 class _Parabola:
-    """1 / |H|^2 = a + b x + c x^2 with x = (w^2 - middle) / reach."""
+    """1 / |H|^2 = a + b x + c x^2 with x = (w^2 - middle) / reach; coefficients from c to a."""
 
     coefficients: NDArray[np.float64]
     covariance: NDArray[np.float64]
@@ -243,29 +246,24 @@ class _Parabola:
         reach = float(np.max(np.abs(squared - middle)))
         x = (squared - middle) / reach
         inverse = 1.0 / np.maximum(np.abs(lines.receptance[part, 0]), np.finfo(np.float64).tiny ** 0.25) ** 2
-        known = lines.relative is not None
+        stated = lines.relative is not None
         # Equal noise on all lines has a relative standard deviation inverse to the magnitude.
         raw = np.abs(lines.values[part, 0])
         relative = (
             lines.relative[part, 0] if lines.relative is not None else raw.max() / np.maximum(raw, raw.max() / 1e6)
         )
         weights = 1.0 / (2.0 * relative * inverse)
-        columns = np.stack([np.ones_like(x), x, x**2], axis=1) * weights[:, None]
-        q, r = np.linalg.qr(columns)
-        target = inverse * weights
-        coefficients = np.linalg.solve(r, q.T @ target)
-        r_inverse = np.linalg.inv(r)
+        coefficients, covariance = np.polyfit(x, inverse, 2, w=weights, cov="unscaled")
         freedom = x.size - 3
-        residual = target - q @ (q.T @ target)
-        scatter = 1.0 if known else float(residual @ residual) / freedom
-        factor = scatter * lines.correlated_lines
+        residual = weights * (inverse - np.polyval(coefficients, x))
+        scatter = 1.0 if stated else float(residual @ residual) / freedom
         at_peak = float(relative[peak - part.start] * np.sqrt(scatter))
         return cls(
             coefficients,
-            factor * r_inverse @ r_inverse.T,
+            scatter * lines.correlated_lines * covariance,
             middle,
             reach,
-            lines.freedom if known else max(freedom / lines.correlated_lines, 1.0),
+            lines.freedom if stated else max(freedom / lines.correlated_lines, 1.0),
             at_peak,
         )
 
@@ -285,7 +283,7 @@ class _Parabola:
         return self._values(self.coefficients, w, sigma), np.stack(slopes, axis=1)
 
     def _values(self, coefficients: NDArray[np.float64], w: float, sigma: float) -> NDArray[np.float64]:
-        a, b, c = (float(value) for value in coefficients)
+        c, b, a = (float(value) for value in coefficients)
         if c <= 0.0:
             # Not a peak, but noise on a slope.
             return np.array([w / (2.0 * np.pi), np.nan, np.nan, np.nan, np.nan])
@@ -364,7 +362,7 @@ def half_power(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     points = _half_power_points(owner, lines.frequency_hz, np.abs(mobility), peak)
     width, spacing = points.high - points.low, lines.spacing_at(peak)
     resolution = _resolution(round(float(np.clip(width / spacing, 0.5, 50.0)), 1))
-    scatter, freedom, notes = _relative_scatter(lines, mobility, peak, width)
+    scatter, freedom, notes = _relative_scatter(lines, mobility, peak)
 
     # The centre, the log of the width and that of the modal constant by the log of every line.
     slopes = np.stack([0.5 * (points.slopes[0] + points.slopes[1]), (points.slopes[1] - points.slopes[0]) / width])
@@ -512,10 +510,9 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
     """Estimate natural frequency, damping and modal constant from the circle of the highest peak in a band.
 
     Near one mode the mobility is B + C i w / (w_r^2 - w^2 + 2 i zeta w_r w): a circle displaced from the origin by the
-    other modes (B) and rotated by nonproportional damping. The start values follow from the algebraic circle of Taubin
-    (1991) and the bilinear map 1 / (Y - Y_far) = a + b w on it, equivalent to the classical sweep of angles. Frequency,
-    damping, C and B are then fitted to the lines by weighted least squares in the plane, which uses angle and radius of
-    every line and gives standard errors; a few lines on the circle are sufficient.
+    other modes (B) and rotated by nonproportional damping. Frequency, damping, C and B are fitted to the lines by
+    weighted least squares in the plane, which uses angle and radius of every line and gives standard errors; a few
+    lines on the circle are sufficient. The circle is that of Taubin (1991) through the fitted values.
 
     Parameters
     ----------
@@ -572,9 +569,7 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
             f"{owner}: the lines around the peak at {lines.frequency_hz[peak]:g} Hz are on a straight line in the "
             "complex plane, as without damping, expected an arc of a circle; find_peaks estimates the frequency"
         )
-    centre, _ = _taubin(mobility[part])
-    start = _first_pole(lines.frequency_hz[part], mobility[part], centre) + frf.decay_rate
-    single = _single_mode(lines, part, start)
+    single = _single_mode(lines, mobility, peak, part)
     fit = single.fit
     frequency, damping, covariance = modal_values(fit.poles, scaled(fit.pole_covariance, single.factor))
     constant, constant_error = constants(
@@ -615,26 +610,6 @@ def circle_fit(frf: FRF, *, low_hz: float | None = None, high_hz: float | None =
         arc=arc,
         off_circle=float(np.sqrt(np.mean((np.abs(mobility[part] - centre) - radius) ** 2)) / radius),
     )
-
-
-def _first_pole(f: NDArray[np.float64], z: NDArray[np.complex128], centre: complex) -> complex:
-    """Return the pole on the real lines from the bilinear map of the circle to a straight line.
-
-    With Y_far, the point opposite to that of the fastest change, 1 / (Y - Y_far) is proportional to
-    delta + i (w - w_r).
-    """
-    pace = np.abs(np.diff(z)) / np.diff(f)
-    fastest = int(np.argmax(pace))
-    nearest = 0.5 * (z[fastest] + z[fastest + 1])
-    away = z - (2.0 * centre - nearest)
-    w = 2.0 * np.pi * f
-    middle = float(w.mean())
-    # Lines near the far point are uncertain; the weight is the distance to it.
-    columns = np.stack([np.ones_like(w), w - middle], axis=1) * np.abs(away)[:, None]
-    a, b = np.linalg.lstsq(columns, np.abs(away) / away, rcond=None)[0]
-    ratio = complex(a / b)
-    least = float(np.min(np.diff(w)))
-    return complex(-max(abs(ratio.imag), 1e-3 * least), middle - ratio.real)
 
 
 def _is_straight(z: NDArray[np.complex128]) -> bool:

@@ -16,7 +16,7 @@ from receptance.frf import FRF, form_factor
 from receptance.modal._least_squares import PoleFit
 from receptance.modal._lines import Lines
 from receptance.modal._selection import EXACT, Scatter, search_range, weights_of
-from receptance.modal.estimate import ModeEstimate, constants, intervals, joint_with_residue, modal_values, scaled
+from receptance.modal.estimate import ModeEstimate, ModeIntervals, constants, joint_with_residue, modal_values, scaled
 from receptance.report import Column, Provenance, Result, Table
 from receptance.report.table import percent
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class ModalFit(Result):
+class ModalFit(ModeIntervals, Result):
     """Modes common to all entries of an FRF, in ascending frequency.
 
     H(s) = sum over modes of A_r / (s - p_r) + A_r* / (s - p_r*) plus background, with s = i w on real lines. For a
@@ -129,14 +129,6 @@ class ModalFit(Result):
             degrees_of_freedom=self.degrees_of_freedom,
             notes=self.notes,
         )
-
-    def frequency_interval_hz(self, level: float = 0.95) -> NDArray[np.float64]:
-        """Return the confidence intervals `(M, 2)` of the natural frequencies."""
-        return intervals(self.frequency_hz, self.frequency_standard_error_hz, level, self.degrees_of_freedom)
-
-    def damping_interval(self, level: float = 0.95) -> NDArray[np.float64]:
-        """Return the confidence intervals `(M, 2)` of the damping ratios."""
-        return intervals(self.damping_ratio, self.damping_standard_error, level, self.degrees_of_freedom)
 
     def tables(self) -> list[Table]:
         """Return the modes with standard errors."""
