@@ -98,6 +98,12 @@ def both_ends(assembly: Assembly) -> list[Coordinate]:
             Coordinate(last, "end", "y"), Coordinate(last, "end", "theta")]  # fmt: skip
 
 
+def between_ends(part: Part, f: np.ndarray, threads: int | None = None) -> np.ndarray:
+    """Return the receptance of a free part over y and theta of both ends, `(n, 4, 4)`."""
+    free = Assembly([part])
+    return free.receptance(f, response=both_ends(free), excitation=both_ends(free), threads=threads)
+
+
 def scaled(h: np.ndarray, lever: float) -> np.ndarray:
     """Return a matrix over (y, theta, y, theta, ...) with its rotations made displacements by a lever in m."""
     d = np.where(np.arange(h.shape[-1]) % 2 == 1, lever, 1.0)
@@ -112,9 +118,9 @@ def assert_same(found: np.ndarray, expected: np.ndarray, tolerance: float, *, le
     assert worst <= tolerance, f"differs by {worst:.3g} of the largest entry"
 
 
-def first_mode(model: Part | Assembly) -> float:
+def first_mode(part: Part) -> float:
     """Return the first natural frequency in Hz, looked for no higher than it takes."""
     upper = 10.0
-    while not (found := model.natural_frequencies(upper)).size:
+    while not (found := Assembly([part]).natural_frequencies(upper)).size:
         upper *= 3.0
     return float(found[0])

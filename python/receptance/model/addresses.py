@@ -31,6 +31,8 @@ QUANTITIES = {
     for name, quantity in element.quantities.items()
 }
 """Quantities of parameters by the last word of their addresses; ground springs and resonators add no names."""
+_OF_MOTION: dict[str, type | tuple[type, ...]] = {"axial": (Part, PointJoint), "torsion": Part}
+"""Elements of a chain that have a motion; all have bending."""
 _SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
 
 
@@ -47,10 +49,12 @@ def check_chain(elements: Sequence[Any], points: Sequence[Any], motion: str) -> 
                 f"Assembly: chain[{index}] is a {type(element).__name__}, which is known at one plane only; it must "
                 "be the last element"
             )
-        if motion != "bending" and not isinstance(element, (Part, PointJoint)):
-            raise ValueError(f"Assembly: chain[{index}] is a {type(element).__name__}, which supports bending only")
+        if not isinstance(element, _OF_MOTION.get(motion, object)):
+            raise ValueError(f"Assembly: chain[{index}] is a {type(element).__name__}, which has no {motion} motion")
         if isinstance(element, PointJoint):
             element.check_motion(motion)
+    if points and motion == "torsion":
+        raise ValueError("Assembly: attachments have no torsion motion")
     for index, point in enumerate(points):
         if not isinstance(point, Attachment):
             raise TypeError(

@@ -22,7 +22,7 @@ from receptance.model.addresses import (
     points_of,
     segment_fields,
 )
-from receptance.model.beams import Part
+from receptance.model.beams import Material, Part
 from receptance.model.coordinates import Coordinate, as_coordinates
 from receptance.model.core_tables import MOTIONS, Flat, Motion, Tied, distinct, flatten, force_amplitudes, rows_of
 from receptance.model.joints import PointJoint
@@ -52,8 +52,9 @@ class Assembly(Renderable):
         `part`, `joint` and `spindle`, with numbers if there are several.
     attachments : iterable of PointMass, GroundSpring and Resonator, optional
         Point elements, each with its part and position. Unnamed ones get the names `mass`, `ground` and `resonator`.
-    motion : {"bending", "axial"}, optional
-        In axial motion parts are rods, "y", k_y and c_y are axial, and rotational properties are not used.
+    motion : {"bending", "axial", "torsion"}, optional
+        In axial motion parts are rods, "y", k_y and c_y are axial, and rotational properties are not used. In torsion
+        there are parts alone, and "y" is the rotation about their axis, in rad/(N m).
 
     Raises
     ------
@@ -577,8 +578,8 @@ def _element_tables(assembly: Assembly) -> list[Table]:
                         1e3 * segment.length,
                         1e3 * segment.outer_diameter,
                         1e3 * segment.inner_diameter,
-                        segment.material.name,
-                        segment.core.name if segment.core is not None else "",
+                        _material(segment.material),
+                        "" if segment.core is None else _material(segment.core),
                     )
                 )
         else:
@@ -596,6 +597,11 @@ def _element_tables(assembly: Assembly) -> list[Table]:
     if others:
         tables.append(Table("Joints and attachments, SI units", ("name", "kind", "values"), others))
     return tables
+
+
+def _material(material: Material) -> str:
+    constants = f"E {1e-9 * material.youngs_modulus:.4g} GPa, {material.density:.5g} kg/m3"
+    return material.name or constants
 
 
 def _values(element: Any) -> str:

@@ -233,10 +233,6 @@ class Resonator(Element):
         self.check()
 
 
-WIDTHS = tuple(nodes + len(kind.layout) for nodes, kind in ((2, PointJoint), (1, PointMass), (1, GroundSpring)))
-"""Number of columns of joints, masses and ground springs in the core: nodes, then the columns of the element."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class ColletJoint(Element):
     """A collet: springs from tool to collet and from collet to holder, with the mass of the collet between them.
