@@ -14,10 +14,11 @@ from __future__ import annotations
 
 import copy
 import math
+from collections import defaultdict
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,6 +84,10 @@ class Site:
         return value
 
 
+_SparseRows = dict[str, dict[int, float]]
+"""Coefficients by address and column."""
+
+
 class _Parts(NamedTuple):
     """Values of the parameters b exp(E u) + S u, each `(m,)`: exp(E u), b exp(E u) and S u."""
 
@@ -97,90 +102,74 @@ class ParameterMap:
 
     addresses: tuple[str, ...]
     """The `m` variable parameters; `segment[*]` is expanded."""
-    base: NDArray[np.intp]
-    """`(m,)` index of the unknown in b; -1 for none."""
-    scale: NDArray[np.float64]
-    """`(m,)` factor of this unknown."""
     fixed: NDArray[np.float64]
-    """`(m,)` value of b without an unknown."""
+    """`(m,)` value of b without an unknown; zero with one."""
+    multiples: NDArray[np.float64]
+    """`(m, p)` factors of the unknowns in b, at most two: two neighbouring configurations are interpolated."""
     exponents: NDArray[np.float64]
     """`(m, p)` E."""
     shifts: NDArray[np.float64]
     """`(m, p)` S."""
-    second: NDArray[np.intp]
-    """`(m,)` index of a second unknown that is added in b, to interpolate between two configurations; -1 for none."""
-    share: NDArray[np.float64]
-    """`(m,)` its factor."""
 
     @classmethod
     def plain(cls, assembly: Assembly, addresses: Sequence[str]) -> ParameterMap:
         """Return the parameters of addresses, each an unknown; the assemblies may lack some of them."""
-        own = [(name, i) for i, address in enumerate(addresses) for name in sorted(covered(address, assembly))]
-        count, none = len(own), np.zeros((len(own), len(addresses)))
-        return cls(
-            addresses=tuple(name for name, _ in own),
-            base=np.array([i for _, i in own], dtype=np.intp),
-            scale=np.ones(count),
-            fixed=np.zeros(count),
-            exponents=none,
-            shifts=none,
-            second=np.full(count, -1, dtype=np.intp),
-            share=np.zeros(count),
-        )
+        numbers = {name: i for i, address in enumerate(addresses) for name in sorted(covered(address, assembly))}
+        multiples = np.eye(len(addresses))[list(numbers.values())]
+        none = np.zeros_like(multiples)
+        return cls(tuple(numbers), np.zeros(len(numbers)), multiples, none, none)
 
     @classmethod
     def linear(cls, addresses: Sequence[str], values: NDArray[np.float64], slopes: NDArray[np.float64]) -> ParameterMap:
         """Return parameters `values + slopes @ unknowns`."""
-        count = len(addresses)
-        return cls(
-            addresses=tuple(addresses),
-            base=np.full(count, -1, dtype=np.intp),
-            scale=np.ones(count),
-            fixed=values,
-            exponents=np.zeros_like(slopes),
-            shifts=slopes,
-            second=np.full(count, -1, dtype=np.intp),
-            share=np.zeros(count),
+        none = np.zeros_like(slopes)
+        return cls(tuple(addresses), values, none, none, slopes)
+
+    @cached_property
+    def bases(self) -> NDArray[np.intp]:
+        """`(m, 2)` indices of the unknowns in b; -1 for none."""
+        rows, columns = np.nonzero(self.multiples)
+        first, last = np.full((2, len(self.addresses)), -1)
+        first[rows[::-1]], last[rows] = columns[::-1], columns
+        return np.column_stack([first, np.where(last == first, -1, last)])
+
+    @cached_property
+    def based(self) -> frozenset[str]:
+        """Addresses with an unknown in b."""
+        return frozenset(
+            name for name, base in zip(self.addresses, self.bases[:, 0].tolist(), strict=True) if base >= 0
         )
 
     @cached_property
     def table(self) -> NDArray[np.float64]:
         """`(m, 4 + 2 p)` rows of the core: base, its factor or value, second, share, exponents and shifts."""
-        first = np.where(self.base >= 0, self.scale, self.fixed)
-        columns = [self.base, first, self.second, self.share, self.exponents, self.shifts]
+        rows, (first, second) = np.arange(len(self.addresses)), self.bases.T
+        padded = np.column_stack([self.multiples, np.zeros(rows.size)])
+        value = np.where(first >= 0, padded[rows, first], self.fixed)
+        columns = [first, value, second, padded[rows, second], self.exponents, self.shifts]
         return np.ascontiguousarray(np.column_stack(columns), dtype=np.float64)
-
-    def _before(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return b."""
-        first = np.where(self.base >= 0, self.scale * unknowns[self.base], self.fixed)
-        found: NDArray[np.float64] = first + np.where(self.second >= 0, self.share * unknowns[self.second], 0.0)
-        return found
 
     def values(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the values of the addresses in SI units, `(m,)`."""
-        result: NDArray[np.float64] = (
-            self._before(unknowns) * np.exp(self.exponents @ unknowns) + self.shifts @ unknowns
-        )
-        return result
+        _, scaled, shifts = self.parts(unknowns)
+        return scaled + shifts
 
     def jacobian(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return their derivatives with respect to the values of the unknowns, `(m, p)`."""
-        factor = np.exp(self.exponents @ unknowns)
-        result = (self._before(unknowns) * factor)[:, None] * self.exponents + self.shifts
-        for column, scale in ((self.base, self.scale), (self.second, self.share)):
-            own = np.flatnonzero(column >= 0)
-            result[own, column[own]] += factor[own] * scale[own]
+        factor, scaled, _ = self.parts(unknowns)
+        result: NDArray[np.float64] = factor[:, None] * self.multiples + scaled[:, None] * self.exponents + self.shifts
         return result
 
     def widened(self, count: int) -> ParameterMap:
         """Return the same functions of more unknowns, `count` of them, of which the further ones have no effect."""
         more = ((0, 0), (0, count - self.exponents.shape[1]))
-        return replace(self, exponents=np.pad(self.exponents, more), shifts=np.pad(self.shifts, more))
+        matrices = (np.pad(matrix, more) for matrix in (self.multiples, self.exponents, self.shifts))
+        return ParameterMap(self.addresses, self.fixed, *matrices)
 
     def parts(self, unknowns: NDArray[np.float64]) -> _Parts:
         """Return the parts of the values of the addresses."""
         factor: NDArray[np.float64] = np.exp(self.exponents @ unknowns)
-        return _Parts(factor, self._before(unknowns) * factor, self.shifts @ unknowns)
+        return _Parts(factor, (self.fixed + self.multiples @ unknowns) * factor, self.shifts @ unknowns)
 
     def around(self, more: ParameterMap, parts: _Parts) -> tuple[ParameterMap, NDArray[np.float64]]:
         """Return the parameters of `more`, as of `joined`, as functions of its unknowns, where these have some values.
@@ -189,10 +178,11 @@ class ParameterMap:
         returned as well.
         """
         rows = np.array([self.numbers.get(address, -1) for address in more.addresses], dtype=np.intp)
-        is_known = rows >= 0
+        shared = rows >= 0
         factor, fixed, shifts = np.ones(rows.size), more.fixed.copy(), np.zeros(rows.size)
-        factor[is_known], fixed[is_known], shifts[is_known] = (part[rows[is_known]] for part in parts)
-        return replace(more, scale=more.scale * factor, fixed=fixed, share=more.share * factor), shifts
+        factor[shared], fixed[shared], shifts[shared] = (part[rows[shared]] for part in parts)
+        fixed[more.bases[:, 0] >= 0] = 0.0
+        return replace(more, fixed=fixed, multiples=more.multiples * factor[:, None]), shifts
 
     def joined(self, more: ParameterMap, at: int) -> ParameterMap:
         """Return the functions of further unknowns too, which are inserted before the unknown of index `at`.
@@ -205,32 +195,22 @@ class ParameterMap:
         size = len(self.addresses) + len(fresh)
         rows = np.array([self.numbers.get(address, -1) for address in more.addresses], dtype=np.intp)
         rows[fresh] = np.arange(len(self.addresses), size)
+        fixed = np.concatenate([self.fixed, more.fixed[fresh]])
+        fixed[rows[more.bases[:, 0] >= 0]] = 0.0
 
-        def matrix(own: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-            result = np.zeros((size, own.shape[1] + count))
-            result[: len(own), :at] = own[:, :at]
-            result[: len(own), at + count :] = own[:, at:]
-            result[rows, at : at + count] = other
+        def matrix(before: NDArray[np.float64], further: NDArray[np.float64]) -> NDArray[np.float64]:
+            result = np.zeros((size, before.shape[1] + count))
+            result[: len(before), :at] = before[:, :at]
+            result[: len(before), at + count :] = before[:, at:]
+            result[rows, at : at + count] = further
             return result
 
-        def column(own: NDArray[Any], other: NDArray[Any], chosen: NDArray[np.bool_]) -> NDArray[Any]:
-            result = np.concatenate([own, other[fresh]])
-            result[rows[chosen]] = other[chosen]
-            return result
-
-        def index(own: NDArray[np.intp]) -> NDArray[np.intp]:
-            return np.where(own >= at, own + count, own)
-
-        based, seconded = more.base >= 0, more.second >= 0
         return ParameterMap(
             addresses=(*self.addresses, *(more.addresses[i] for i in fresh)),
-            base=column(index(self.base), np.where(based, more.base + at, -1), based),
-            scale=column(self.scale, more.scale, based),
-            fixed=column(self.fixed, more.fixed, based),
+            fixed=fixed,
+            multiples=matrix(self.multiples, more.multiples),
             exponents=matrix(self.exponents, more.exponents),
             shifts=matrix(self.shifts, more.shifts),
-            second=column(index(self.second), np.where(seconded, more.second + at, -1), seconded),
-            share=column(self.share, more.share, seconded),
         )
 
     @cached_property
@@ -335,7 +315,9 @@ class Parameters:
             return None
         result = Parameters(more, (), [site for site, _ in self._maps])
         pairs = zip(self._maps, result._maps, strict=True)
-        if not result._index.keys().isdisjoint(self._index) or any(_share_a_base(own, o) for (_, own), (_, o) in pairs):
+        if not result._index.keys().isdisjoint(self._index) or any(
+            before.based & after.based for (_, before), (_, after) in pairs
+        ):
             return None
         return result
 
@@ -400,49 +382,43 @@ class Parameters:
                 fresh.append(name)
             return index[name]
 
-        bases: dict[str, list[tuple[int, float]]] = {}
-        exponents, shifts = _SparseRows(), _SparseRows()
+        multiples: _SparseRows = {}
+        exponents: _SparseRows = defaultdict(lambda: defaultdict(float))
+        shifts: _SparseRows = defaultdict(lambda: defaultdict(float))
         for unknown in self.given:
             if not site.among(unknown.configurations):
                 continue
             if isinstance(unknown, Move):
                 self._add_move(unknown, site, exponents if unknown.relative else shifts)
                 continue
-            multiples = dict.fromkeys(sorted(site.covered(unknown.address)), unknown.multiple)
-            multiples |= {other: n for other, n in unknown.also.items() if site.covered(other)}
-            if not multiples:
+            ratios = dict.fromkeys(sorted(site.covered(unknown.address)), unknown.multiple)
+            ratios |= {other: n for other, n in unknown.also.items() if site.covered(other)}
+            if not ratios:
                 continue
             terms = [(index[unknown.name], 1.0)] if unknown.name in index else []
             if isinstance(unknown, Law):
                 if unknown.free:
                     terms = self._free_terms(unknown, site)
                 varying = _varying(unknown, site, index, error)
-                powers = [(address, 1.0) for address in multiples]
+                powers = [(address, 1.0) for address in ratios]
                 powers += [(address, power) for address, power in unknown.follows.items() if site.covered(address)]
                 for address, power in powers:
                     for column, slope in varying.items():
-                        exponents.add(address, column, power * slope)
-            bases |= {address: [(i, n * share) for i, share in terms] for address, n in multiples.items()}
+                        exponents[address][column] += power * slope
+            multiples |= {address: {i: n * share for i, share in terms} for address, n in ratios.items()}
         for tolerance in self.tolerances if tolerances is None else tolerances:
             if site.among(tolerance.configurations, tolerance.labels):
                 rows = exponents if tolerance.relative else shifts
                 for pattern, deviation in tolerance.moves.items():
                     for address in sorted(site.covered(pattern)):
-                        rows.add(address, error(tolerance.name), deviation)
-        addresses = tuple(dict.fromkeys([*bases, *exponents.rows, *shifts.rows]))
+                        rows[address][error(tolerance.name)] += deviation
+        addresses = tuple(dict.fromkeys([*multiples, *exponents, *shifts]))
         if not addresses:
             return _nothing(len(index))
-        first = [bases[address][0] if address in bases else (-1, 1.0) for address in addresses]
-        second = [bases[address][1] if len(bases.get(address, ())) == 2 else (-1, 0.0) for address in addresses]
         return ParameterMap(
-            addresses=addresses,
-            base=np.array([column for column, _ in first], dtype=np.intp),
-            scale=np.array([scale for _, scale in first]),
-            fixed=np.array([0.0 if a in bases else site.value(a) for a in addresses]),
-            exponents=exponents.matrix(addresses, len(index)),
-            shifts=shifts.matrix(addresses, len(index)),
-            second=np.array([column for column, _ in second], dtype=np.intp),
-            share=np.array([share for _, share in second]),
+            addresses,
+            np.array([0.0 if address in multiples else site.value(address) for address in addresses]),
+            *(_dense(rows, addresses, len(index)) for rows in (multiples, exponents, shifts)),
         )
 
     def extended(
@@ -487,7 +463,7 @@ class Parameters:
             size = math.log(site.condition(unknown.of, f"Move {unknown.name!r}") / unknown.reference)
         for pattern, coefficient in unknown.moves.items():
             for address in sorted(site.covered(pattern)):
-                rows.add(address, column, size * coefficient)
+                rows[address][column] += size * coefficient
 
     def _check(self, sites: Sequence[Site]) -> list[str]:
         """Check unknowns and tolerances against the sites; return notes on addresses that none of them has."""
@@ -554,32 +530,13 @@ def _has(address: str, sites: Sequence[Site]) -> bool:
     return any(site.covered(address) for site in sites)
 
 
-def _share_a_base(own: ParameterMap, other: ParameterMap) -> bool:
-    """Return whether two maps of an assembly have an unknown as the base of the same parameter."""
-    return any(
-        base >= 0 and (row := own.numbers.get(address, -1)) >= 0 and own.base[row] >= 0
-        for address, base in zip(other.addresses, other.base, strict=True)
-    )
-
-
-class _SparseRows:
-    """Sparse rows of coefficients by address and column."""
-
-    def __init__(self) -> None:
-        self.rows: dict[str, dict[int, float]] = {}
-
-    def add(self, address: str, column: int, value: float) -> None:
-        """Add a value to an element."""
-        row = self.rows.setdefault(address, {})
-        row[column] = row.get(column, 0.0) + value
-
-    def matrix(self, addresses: Sequence[str], width: int) -> NDArray[np.float64]:
-        """Return the rows of these addresses as a dense matrix."""
-        result = np.zeros((len(addresses), width))
-        for i, address in enumerate(addresses):
-            for column, value in self.rows.get(address, {}).items():
-                result[i, column] = value
-        return result
+def _dense(rows: _SparseRows, addresses: Sequence[str], width: int) -> NDArray[np.float64]:
+    """Return the rows of addresses as a matrix."""
+    result = np.zeros((len(addresses), width))
+    for i, address in enumerate(addresses):
+        if row := rows.get(address):
+            result[i, list(row)] = list(row.values())
+    return result
 
 
 def _varying(law: Law, site: Site, index: Mapping[str, int], error: Callable[[str], int]) -> dict[int, float]:

@@ -503,7 +503,9 @@ def _add_reduced(
         return False
     names = [address.split(".", 1)[1] for address in mapping.addresses]
     try:
-        stiff = _stiffest(observation, joint, {name: unknowns[i] for name, i in zip(names, mapping.base, strict=True)})
+        stiff = _stiffest(
+            observation, joint, {name: unknowns[i] for name, i in zip(names, mapping.bases[:, 0], strict=True)}
+        )
         reduction = observation.assembly.reduced_to_joint(
             joint,
             observation.frequency_hz,
@@ -516,7 +518,7 @@ def _add_reduced(
         # The joint at the bounds has no value; the fit itself may never go there.
         return False
     numbers = np.full(len(PointJoint.columns_of), -1.0)
-    numbers[[PointJoint.columns_of.index(name) for name in names]] = mapping.base
+    numbers[[PointJoint.columns_of.index(name) for name in names]] = mapping.bases[:, 0]
     for record in records:
         measured = np.ascontiguousarray(record.receptance)
         core.add_joint_receptance(reduction, np.array(stiff.columns), numbers, measured, _weights(record, unit))
@@ -590,7 +592,8 @@ def only_joint(observation: Observation, mapping: ParameterMap) -> str | None:
     name = owners.pop() if len(owners) == 1 else ""
     if type(observation.assembly.elements.get(name)) is not PointJoint:
         return None
-    alone = np.all(mapping.base >= 0) and np.all(mapping.scale == 1.0) and np.all(mapping.second < 0)
+    (first, second), total = mapping.bases.T, mapping.multiples.sum(axis=1)
+    alone = np.all(first >= 0) and np.all(second < 0) and np.all(total == 1.0)
     return name if alone and not mapping.exponents.any() and not mapping.shifts.any() else None
 
 
