@@ -27,9 +27,9 @@ def local_maxima(values: NDArray[np.float64], prominence: float = 0.0) -> tuple[
     between = np.minimum.reduceat(values, np.concatenate([[0], places])).tolist()
     left = _bases(heights, between[:-1])
     right = _bases(heights[::-1], between[:0:-1])[::-1]
-    found = np.array(heights) - np.maximum(left, right)
-    kept = found >= prominence
-    return places[kept], found[kept]
+    prominences = np.array(heights) - np.maximum(left, right)
+    kept = prominences >= prominence
+    return places[kept], prominences[kept]
 
 
 def nearest_peak(frequency_hz: NDArray[np.float64], peaks_hz: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -45,11 +45,11 @@ def _bases(heights: Iterable[float], between: Iterable[float]) -> list[float]:
 
     `between` are the lowest values from one maximum to the next, the first one from the beginning.
     """
-    found: list[float] = []
+    bases: list[float] = []
     higher: list[tuple[float, float]] = []
     for height, lowest in zip(heights, between, strict=True):
         while higher and higher[-1][0] <= height:
             lowest = min(lowest, higher.pop()[1])
         higher.append((height, lowest))
-        found.append(lowest)
-    return found
+        bases.append(lowest)
+    return bases

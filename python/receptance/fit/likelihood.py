@@ -46,16 +46,11 @@ _TIED_RANGE = 0.02
 """Least path of that parameter as a share of its range."""
 
 
-def require_likelihood(found: Identification) -> None:
+def require_likelihood(fit: Identification) -> None:
     """Raise ValueError if receptances were fitted with the percentage objective."""
-    pairs = zip(found.units, found.task.observed, strict=True)
+    pairs = zip(fit.units, fit.task.observed, strict=True)
     if any(unit == "percent" and observation.is_receptance for unit, observation in pairs):
         raise ValueError("the percentage objective is no likelihood: identify with the objective 'log'")
-
-
-def residual_variance(found: Identification, cost: float) -> float:
-    """Return the variance of a residual: 1 with given standard deviations, otherwise from the least cost."""
-    return 1.0 if found.known_scatter else 2.0 * cost / max(found.degrees_of_freedom, 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,11 +72,11 @@ class ConstrainedFit:
         return self.p_value < 1.0 - level
 
     def __repr__(self) -> str:
-        given = ", ".join(f"{name}={value:.4g}" for name, value in self.values.items())
-        return f"ConstrainedFit({given}: rise {self.rise:.3g}, p = {self.p_value:.2g})"
+        held = ", ".join(f"{name}={value:.4g}" for name, value in self.values.items())
+        return f"ConstrainedFit({held}: rise {self.rise:.3g}, p = {self.p_value:.2g})"
 
 
-def constrained_fit(found: Identification, values: Mapping[str, float], *, starts: int = 8) -> ConstrainedFit:
+def constrained_fit(fit: Identification, values: Mapping[str, float], *, starts: int = 8) -> ConstrainedFit:
     """Fit all other parameters with some at given values, and test the values by the likelihood ratio.
 
     A profile holds one parameter; this tests a set of several values at once. Errors of tolerances are fitted within
@@ -89,7 +84,7 @@ def constrained_fit(found: Identification, values: Mapping[str, float], *, start
 
     Parameters
     ----------
-    found : Identification
+    fit : Identification
         From `identify`, with the objective "log".
     values : mapping of str to float
         Values by name, in SI units, within the bounds of the fit.
@@ -104,40 +99,37 @@ def constrained_fit(found: Identification, values: Mapping[str, float], *, start
 
     Examples
     --------
-    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
+    >>> from receptance import STEEL, Assembly, Observation, Part, Segment, identify
     >>> from receptance.fit import constrained_fit
-    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
-    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-    >>> modes = Observation.from_modes(
-    ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=2.0
-    ... )
-    >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
-    >>> [constrained_fit(found, {"joint.k_theta": k}).rejected() for k in (1.001e5, 1.1e5)]
+    >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
+    >>> rung = Observation.from_modes(assembly=bar, frequency_hz=bar.natural_frequencies(3e4), standard_deviation_hz=5)
+    >>> fit = identify(rung, {"bar.segment[0].youngs_modulus": (1e11, 3e11)})
+    >>> [constrained_fit(fit, {"bar.segment[0].youngs_modulus": e}).rejected() for e in (2.101e11, 2.11e11)]
     [False, True]
     """
     if not values:
         raise ValueError("values is empty, expected at least one parameter and its value")
-    require_likelihood(found)
-    problem = found.task.problem()
+    require_likelihood(fit)
+    problem = fit.task.problem()
     variables = problem.variables
-    given = found.vector.copy()
-    free = np.ones(given.size, dtype=np.bool_)
+    start = fit.vector.copy()
+    free = np.ones(start.size, dtype=np.bool_)
     for name, value in values.items():
-        index = found.index(name)
+        index = fit.index(name)
         unknown = variables.unknowns[index]
         number = _checks.number("constrained_fit", name, value)
         if not unknown.lower <= number <= unknown.upper:
             raise ValueError(
                 f"constrained_fit: {name} is {number:g}, outside the bounds {unknown.lower:g} to {unknown.upper:g}"
             )
-        given[index] = np.log10(number) if unknown.scale == "log" else number
+        start[index] = np.log10(number) if unknown.scale == "log" else number
         free[index] = False
-    best = problem.fit_one(found.vector, least=1e-9)
-    variance = residual_variance(found, best.cost)
+    best = problem.fit_one(fit.vector, least=1e-9)
+    variance = fit.variance_of_residuals(best.cost)
     # Errors start at their fitted values.
-    drawn = free & (np.arange(given.size) < found.task.parameters.count)
-    begun = [given, *(np.where(drawn, x, given) for x in variables.draw(max(starts, 1), found.seed)[1:])]
-    end = min(problem.fit(np.array(begun), free=free, least=COST_TOLERANCE), key=lambda one: one.cost)
+    drawn = free & (np.arange(start.size) < fit.task.parameters.count)
+    begun = [start, *(np.where(drawn, x, start) for x in variables.draw(max(starts, 1), fit.seed)[1:])]
+    end = min(problem.fit(np.array(begun), free=free, least=COST_TOLERANCE), key=lambda run: run.cost)
     rise = 2.0 * (end.cost - best.cost) / variance if np.isfinite(end.cost) and variance > 0.0 else np.inf
     if rise < -_BETTER:
         text = "the constrained fit found a better optimum than the fit: identify with more starts"
@@ -146,9 +138,9 @@ def constrained_fit(found: Identification, values: Mapping[str, float], *, start
     others = variables.to_values(end.x)
     return ConstrainedFit(
         values={name: float(value) for name, value in values.items()},
-        others={name: float(others[i]) for i, name in enumerate(found.addresses) if free[i]},
+        others={name: float(others[i]) for i, name in enumerate(fit.addresses) if free[i]},
         rise=rise,
-        p_value=_p_value(rise, len(values), None if found.known_scatter else found.degrees_of_freedom),
+        p_value=_p_value(rise, len(values), None if fit.known_scatter else fit.degrees_of_freedom),
     )
 
 
@@ -161,23 +153,14 @@ def _p_value(rise: float, count: int, degrees_of_freedom: int | None) -> float:
     return float(special.fdtrc(count, max(degrees_of_freedom, 1), rise / count))
 
 
-def log_evidence(found: Identification) -> float:
+def log_evidence(fit: Identification) -> float:
     """Return the natural logarithm of the evidence, by Laplace's approximation at the fit.
 
     It compares models, such as laws, that are fitted to the same observations with the same standard deviations;
     factors that depend on these alone are omitted. The prior of an unknown without one is uniform within its bounds,
     on the scale of the fit; errors and individual parts are standard normal. A difference of 3 is a factor of 20 in
-    probability, a difference of 10 is decisive.
-
-    Parameters
-    ----------
-    found : Identification
-        From `identify` with known standard deviations and the objective "log".
-
-    Returns
-    -------
-    float
-        NaN if the data do not determine a parameter: the approximation needs a peak of the likelihood.
+    probability, a difference of 10 is decisive. The result is NaN if the data do not determine a parameter: the
+    approximation needs a peak of the likelihood.
 
     Raises
     ------
@@ -186,7 +169,7 @@ def log_evidence(found: Identification) -> float:
 
     Examples
     --------
-    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
+    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, identify
     >>> from receptance.fit import Law, Power, log_evidence
     >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
@@ -206,26 +189,26 @@ def log_evidence(found: Identification) -> float:
     >>> power > constant + 10.0
     True
     """
-    if not found.known_scatter:
+    if not fit.known_scatter:
         raise ValueError("evidence needs standard deviations: give the observations them, and the objective 'log'")
-    problem = found.task.problem()
-    residual = problem.residual(found.vector)
+    problem = fit.task.problem()
+    residual = problem.residual(fit.vector)
     # A factor on the standard deviations divides the density of each independent number.
-    total = -0.5 * float(residual @ residual) - found.task.independent_values * math.log(found.noise_factor)
+    total = -0.5 * float(residual @ residual) - fit.task.independent_values * math.log(fit.noise_factor)
     low, high = problem.variables.limits
-    for i, unknown in enumerate(found.unknowns):
+    for i, unknown in enumerate(fit.unknowns):
         if unknown.prior is None:
             total -= math.log(float(high[i] - low[i]))
         else:
             # A prior on a log scale is one of the natural logarithm, and the variable is the decimal one.
             deviation = unknown.prior.standard_deviation / (math.log(10.0) if unknown.scale == "log" else 1.0)
             total -= 0.5 * math.log(2.0 * math.pi) + math.log(deviation)
-    if not np.isfinite(found.covariance).all():
+    if not np.isfinite(fit.covariance).all():
         return float("nan")
-    sign, logarithm = np.linalg.slogdet(found.covariance)
+    sign, logarithm = np.linalg.slogdet(fit.covariance)
     if sign <= 0.0:
         return float("nan")
-    return total + 0.5 * len(found.unknowns) * math.log(2.0 * math.pi) + 0.5 * float(logarithm)
+    return total + 0.5 * len(fit.unknowns) * math.log(2.0 * math.pi) + 0.5 * float(logarithm)
 
 
 def interval_statement(value: float, lower: float, upper: float, *, scale: str, tied_to: str = "") -> str:
@@ -347,7 +330,7 @@ class Profiles(Results[Profile]):
 
 
 def profile_likelihoods(
-    found: Identification,
+    fit: Identification,
     names: str | Sequence[str] | None = None,
     *,
     level: float = 0.95,
@@ -359,7 +342,7 @@ def profile_likelihoods(
 
     Parameters
     ----------
-    found : Identification
+    fit : Identification
         From `identify`, with the objective "log".
     names : str or sequence of str, optional
         Parameters; by default all but the errors of tolerances.
@@ -368,11 +351,6 @@ def profile_likelihoods(
     progress : callable, optional
         Called with a progress message.
 
-    Returns
-    -------
-    Profiles
-        Mapping of names to `Profile`, which is itself a result with `summary` and `plot`.
-
     Raises
     ------
     ValueError
@@ -380,26 +358,22 @@ def profile_likelihoods(
 
     Examples
     --------
-    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
+    >>> from receptance import STEEL, Assembly, Observation, Part, Segment, identify
     >>> from receptance.fit import profile_likelihoods
-    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
-    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-    >>> modes = Observation.from_modes(
-    ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=2.0
-    ... )
-    >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
-    >>> profile_likelihoods(found)
-    Profiles({'joint.k_theta': Profile(joint.k_theta: determined to 0.81 %)})
+    >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
+    >>> rung = Observation.from_modes(assembly=bar, frequency_hz=bar.natural_frequencies(3e4), standard_deviation_hz=5)
+    >>> profile_likelihoods(identify(rung, {"bar.segment[0].youngs_modulus": (1e11, 3e11)}))
+    Profiles({'bar.segment[0].youngs_modulus': Profile(bar.segment[0].youngs_modulus: determined to 0.09 %)})
     """
     if names is None:
-        names = [name for name in found.addresses if name not in found.errors]
+        names = [name for name in fit.addresses if name not in fit.errors]
     chosen = [names] if isinstance(names, str) else list(names)
     for name in chosen:
-        found.index(name)
-    require_likelihood(found)
-    start = found.vector
+        fit.index(name)
+    require_likelihood(fit)
+    start = fit.vector
     for _ in range(_RESTARTS):
-        profiler = _Profiler(found, level, start)
+        profiler = _Profiler(fit, level, start)
         profiles: dict[str, Profile] = {}
         try:
             for name in chosen:
@@ -411,26 +385,26 @@ def profile_likelihoods(
             text = "a better optimum than that of the fit was found while profiling: identify with more starts"
             warnings.warn(text, ReceptanceWarning, stacklevel=3)
         else:
-            return Profiles(profiles, provenance=found.provenance)
+            return Profiles(profiles, provenance=fit.provenance)
     raise ReceptanceError(f"profiling found a better optimum {_RESTARTS} times: identify with more starts")
 
 
 class _Profiler:
     """Constrained fits around one optimum."""
 
-    def __init__(self, found: Identification, level: float, start: NDArray[np.float64]) -> None:
-        self.found = found
+    def __init__(self, identification: Identification, level: float, start: NDArray[np.float64]) -> None:
+        self.identification = identification
         self.level = level
-        self.problem = found.task.problem()
+        self.problem = identification.task.problem()
         self.variables = self.problem.variables
         self.limits = self.variables.limits
         self.best = self.problem.fit_one(start, least=1e-12)
-        self.variance = residual_variance(found, self.best.cost)
-        self.threshold = found.confidence_multiplier(level) ** 2
+        self.variance = identification.variance_of_residuals(self.best.cost)
+        self.threshold = identification.confidence_multiplier(level) ** 2
 
     def profile(self, name: str) -> Profile:
         """Profile one parameter."""
-        index = self.found.index(name)
+        index = self.identification.index(name)
         before = self.problem.evaluations
         low, high = (self._side(index, sign) for sign in (-1.0, 1.0))
         unknown = self.variables.unknowns[index]
@@ -544,7 +518,7 @@ class _Profiler:
 
     def _tied_to(self, index: int, paths: NDArray[np.float64]) -> str:
         """Return the name of the parameter that compensates the profiled one most, if any does."""
-        count = self.found.task.parameters.count
+        count = self.identification.task.parameters.count
         conditional = 1.0 / np.sqrt(np.maximum(np.diag(self.best.curvature) / max(self.variance, 1e-300), 1e-300))
         path = np.ptp(paths[:, :count], axis=0)
         share = path / np.ptp(self.limits[:, :count], axis=0)
@@ -554,7 +528,7 @@ class _Profiler:
         other = int(relative.argmax()) if relative.size else 0
         if not relative.size or relative[other] < _TIED:
             return ""
-        return self.found.addresses[other]
+        return self.identification.addresses[other]
 
 
 class BetterOptimumError(Exception):

@@ -570,9 +570,9 @@ class Observation:
         return f"{self.frequency_hz.size} lines from {low:g} to {high:g} Hz"
 
 
-def as_observations(given: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
+def as_observations(observed: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
     """Return one observation or several with values as a tuple, or raise."""
-    observations = _checks.items("observations", given, Observation)
+    observations = _checks.items("observations", observed, Observation)
     for observation in observations:
         if not observation.has_values:
             raise ValueError(f"{observation!r} has no values, expected a measurement")
@@ -687,18 +687,18 @@ def _damping(
     values = np.atleast_1d(_checks.numbers(owner, "damping_ratio", ratio, "iuf", "real numbers")).astype(np.float64)
     if values.shape != shape:
         raise ValueError(f"{owner}: damping_ratio has shape {values.shape}, expected {shape}, one for each frequency")
-    known = ~np.isnan(values)
-    bad = np.flatnonzero(known & ~((values >= 0.0) & (values < 1.0)))
+    stated = ~np.isnan(values)
+    bad = np.flatnonzero(stated & ~((values >= 0.0) & (values < 1.0)))
     if bad.size:
         raise ValueError(f"{owner}: damping_ratio[{bad[0]}] is {values[bad[0]]:g}, expected 0 or more and less than 1")
-    if not known.any():
+    if not stated.any():
         raise ValueError(f"{owner}: damping_ratio has no number, expected at least one, or None")
     if (deviation is not None) != weighed:
-        given, missing = "frequencies", "damping_ratio"
+        weighted, missing = "frequencies", "damping_ratio"
         if not weighed:
-            given, missing = missing, given
+            weighted, missing = missing, weighted
         raise ValueError(
-            f"{owner}: {given} has standard deviations and {missing} has none, so their weights are unknown; give "
+            f"{owner}: {weighted} has standard deviations and {missing} has none, so their weights are unknown; give "
             "both, or neither"
         )
     return values, None if deviation is None else _checks.by_line(owner, "standard_deviation_damping", deviation, shape)

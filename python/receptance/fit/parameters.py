@@ -74,10 +74,9 @@ class Site:
         elif covered(name, self.assembly):
             value = self.assembly.get(name)
         else:
-            known = ", ".join(self.conditions) or "none"
             raise ValueError(
                 f"{owner}: {self.configuration or self.assembly!r} has no condition {name!r} and no such address; its "
-                f"conditions are: {known}"
+                f"conditions are: {', '.join(self.conditions) or 'none'}"
             )
         if not value > 0.0:
             raise ValueError(f"{owner}: the condition {name!r} is {value:g}, expected more than zero for a power law")
@@ -227,34 +226,15 @@ class ParameterMap:
 class Parameters:
     """All unknowns of a fit, and their map to the parameters of every assembly.
 
-    Parameters
-    ----------
-    given : sequence of Unknown
-        Unknowns and laws; may be empty if there are tolerances.
-    tolerances : sequence of Tolerance
-        Errors.
-    sites : sequence of Site
-        The observed assemblies, one for each observation.
-
-    Attributes
-    ----------
-    unknowns : tuple of Unknown
-        Values and exponents in the order of `given`, then errors: the fitted vector.
-    count : int
-        Number of unknowns that are not errors.
-    notes : list of str
-        Notes for the user.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Unknowns or tolerances without an observation, two unknowns of one parameter, a missing condition.
+    `unknowns`, the fitted vector, are the values and exponents in the order of `given`, `count` in number, then the
+    errors. There is a site for each observation. Unknowns or tolerances without an observation, two unknowns of one
+    parameter and a missing condition are a TypeError or ValueError.
     """
 
     def __init__(
-        self, given: Sequence[Unknown], tolerances: Tolerance | Sequence[Tolerance], sites: Sequence[Site]
+        self, unknowns: Sequence[Unknown], tolerances: Tolerance | Sequence[Tolerance], sites: Sequence[Site]
     ) -> None:
-        self.given = as_unknowns(given, least=0)
+        self.given = as_unknowns(unknowns, least=0)
         self.tolerances = _checks.items("tolerances", tolerances, Tolerance, least=0)
         told_apart = self._told_apart
         keys = [_key(site, told_apart) for site in sites]
@@ -268,13 +248,15 @@ class Parameters:
                 values.append(unknown)
                 continue
             seen = dict.fromkeys(p.configuration for p in sites if p.among(unknown.configurations))
-            own = [name for name in seen if _has(unknown.address, [p for p in sites if p.configuration == name])]
-            individual = {unknown.name_in(name) for name in own} if unknown.individual else set()
-            for one in unknown.expanded(own):
-                if one.name in individual:
-                    errors[one.name] = one
+            configurations = [
+                name for name in seen if _has(unknown.address, [p for p in sites if p.configuration == name])
+            ]
+            individual = {unknown.name_in(name) for name in configurations} if unknown.individual else set()
+            for expanded in unknown.expanded(configurations):
+                if expanded.name in individual:
+                    errors[expanded.name] = expanded
                 else:
-                    values.append(one)
+                    values.append(expanded)
         for tolerance in self.tolerances:
             errors.setdefault(tolerance.name, error_of(tolerance.name))
         self.unknowns = (*values, *errors.values())
@@ -283,7 +265,7 @@ class Parameters:
         if double := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"the name {double[0]!r} is given to two unknowns; give one of them another name")
         self._index = {name: i for i, name in enumerate(names)}
-        self._levels = {one.name: self._levels_of(one, sites) for one in self.given if isinstance(one, Law)}
+        self._levels = {law.name: self._levels_of(law, sites) for law in self.given if isinstance(law, Law)}
         maps = {key: self.at(site) for key, site in different.items()}
         self._maps = [(site, maps[key]) for key, site in zip(keys, sites, strict=True)]
 
@@ -300,7 +282,7 @@ class Parameters:
         result.unknowns = (*self.unknowns[: self.count], *further.unknowns, *self.unknowns[self.count :])
         result.count = self.count + further.count
         result._index = {unknown.name: i for i, unknown in enumerate(result.unknowns)}
-        pairs = [(own, other) for (_, own), (_, other) in zip(self._maps, further._maps, strict=True)]
+        pairs = [(before, after) for (_, before), (_, after) in zip(self._maps, further._maps, strict=True)]
         maps = {pair: pair[0].joined(pair[1], self.count) for pair in dict.fromkeys(pairs)}
         result._maps = [(site, maps[pair]) for (site, _), pair in zip(self._maps, pairs, strict=True)]
         return result
@@ -323,39 +305,37 @@ class Parameters:
 
     def of(self, sites: Sequence[Site]) -> list[ParameterMap]:
         """Return the parameters of sites; those of the observed sites are cached."""
-        known = [*self._maps, *[(None, None)] * (len(sites) - len(self._maps))]
+        observed = [*self._maps, *[(None, None)] * (len(sites) - len(self._maps))]
         return [
-            own if own is not None and site == other else self.at(site)
-            for site, (other, own) in zip(sites, known, strict=False)
+            mapping if mapping is not None and site == same else self.at(site)
+            for site, (same, mapping) in zip(sites, observed, strict=False)
         ]
 
     def _levels_of(self, law: Law, sites: Sequence[Site]) -> dict[str, float]:
         """Return the values of the condition `along` of a free law, by configuration of the fit."""
         if not law.along:
             return {}
-        own = [site for site in sites if law.name_in(site.configuration) in self._index]
-        for site in own:
+        fitted = [site for site in sites if law.name_in(site.configuration) in self._index]
+        for site in fitted:
             if law.along not in site.conditions:
-                known = ", ".join(site.conditions) or "none"
                 raise ValueError(
                     f"Law {law.address!r}: {site.configuration!r} has no condition {law.along!r}; its conditions are: "
-                    f"{known}"
+                    f"{', '.join(site.conditions) or 'none'}"
                 )
-        return {site.configuration: float(site.conditions[law.along]) for site in own}
+        return {site.configuration: float(site.conditions[law.along]) for site in fitted}
 
     @property
     def _told_apart(self) -> frozenset[str]:
         """Labels and conditions that unknowns and errors name."""
-        names = [name for one in self.given for name in one.configurations or ()]
-        names += [
-            name
-            for tolerance in self.tolerances
-            for name in (*(tolerance.configurations or ()), *(tolerance.labels or ()))
-        ]
-        names += [one.of for one in self.given if isinstance(one, Move)]
-        names += [
-            name for one in self.given if isinstance(one, Law) for name in (one.along, *(p.of for p in one.powers))
-        ]
+        names: set[str] = set()
+        for unknown in self.given:
+            names |= {*(unknown.configurations or ())}
+            if isinstance(unknown, Move):
+                names.add(unknown.of)
+            elif isinstance(unknown, Law):
+                names |= {unknown.along, *(power.of for power in unknown.powers)}
+        for tolerance in self.tolerances:
+            names |= {*(tolerance.configurations or ()), *(tolerance.labels or ())}
         return frozenset(names)
 
     @property
@@ -429,14 +409,14 @@ class Parameters:
         Errors of one name are one error, in the fit and in all sites.
         """
         fresh: list[str] = []
-        found = [self.at(site, tolerance, fresh) for site, tolerance in zip(sites, tolerances, strict=True)]
-        return [own.widened(len(self.unknowns) + len(fresh)) for own in found], tuple(fresh)
+        maps = [self.at(site, tolerance, fresh) for site, tolerance in zip(sites, tolerances, strict=True)]
+        return [mapping.widened(len(self.unknowns) + len(fresh)) for mapping in maps], tuple(fresh)
 
     def _free_terms(self, law: Law, site: Site) -> list[tuple[int, float]]:
         """Return the unknown of a free law at a site, or two neighbouring ones, with their weights."""
-        own = self._index.get(law.name_in(site.configuration))
-        if own is not None:
-            return [(own, 1.0)]
+        number = self._index.get(law.name_in(site.configuration))
+        if number is not None:
+            return [(number, 1.0)]
         if not law.along:
             raise ValueError(f"{law.address} is free in each configuration, and {site.configuration!r} was not fitted")
         if law.along not in site.conditions:
@@ -477,22 +457,22 @@ class Parameters:
         notes: list[str] = []
         Names = tuple[str, ...] | None
         rows: list[tuple[str, tuple[str, ...], Names, Names | str]] = [
-            (f"Unknown {one.address!r}", one.addresses, one.configurations, None) for one in self.given
+            (f"Unknown {unknown.address!r}", unknown.addresses, unknown.configurations, None) for unknown in self.given
         ]
         rows += [
             (f"Tolerance {tolerance.name!r}", tuple(tolerance.moves), tolerance.configurations, tolerance.labels)
             for tolerance in self.tolerances
         ]
         rows += [
-            (f"Law {one.address!r}, with what follows it", tuple(one.follows), one.configurations, None)
-            for one in self.given
-            if isinstance(one, Law) and one.follows
+            (f"Law {unknown.address!r}, with what follows it", tuple(unknown.follows), unknown.configurations, None)
+            for unknown in self.given
+            if isinstance(unknown, Law) and unknown.follows
         ]
         among: dict[tuple[Names, Names | str], list[Site]] = {}
         for title, addresses, configurations, labels in rows:
             # Most rows have the same sites.
             if (configurations, labels) not in among:
-                among[configurations, labels] = [one for one in sites if one.among(configurations, labels)]
+                among[configurations, labels] = [site for site in sites if site.among(configurations, labels)]
             chosen = among[configurations, labels]
             if not chosen:
                 names = ", ".join(dict.fromkeys(p.configuration or p.label or "(no name)" for p in sites))
@@ -501,15 +481,15 @@ class Parameters:
                 )
             missing = [address for address in addresses if not _has(address, chosen)]
             if missing and len(missing) == len(addresses):
-                known = dict.fromkeys(name for site in sites for name in site.assembly.parameters)
+                addresses_of_all = dict.fromkeys(name for site in sites for name in site.assembly.parameters)
                 first = missing[0].split(".", 1)[0] + "."
-                near = [name for name in known if name.startswith(first)] or list(known)
+                near = [name for name in addresses_of_all if name.startswith(first)] or list(addresses_of_all)
                 raise ValueError(
                     f"{title}: no observation's assembly has {'it' if len(addresses) == 1 else missing[0]}; there are "
                     f"{', '.join(near)}"
                 )
             # Assemblies that are held out or predicted may have it.
-            notes += [f"{title}: no observation's assembly has {one}; it affects predictions only" for one in missing]
+            notes += [f"{title}: no observation's assembly has {name}; it affects predictions only" for name in missing]
         return notes
 
 
@@ -541,10 +521,10 @@ def _dense(rows: _SparseRows, addresses: Sequence[str], width: int) -> NDArray[n
 
 def _varying(law: Law, site: Site, index: Mapping[str, int], error: Callable[[str], int]) -> dict[int, float]:
     """Return the exponents of a law at a site by column: its powers of conditions and its individual part."""
-    found: dict[int, float] = {}
+    slopes: dict[int, float] = {}
     for power in law.powers:
         ratio = site.condition(power.of, f"Law {law.address!r}") / power.reference
-        found[index[f"{law.name} ~ {power.of}"]] = math.log(ratio)
+        slopes[index[f"{law.name} ~ {power.of}"]] = math.log(ratio)
     if law.individual:
-        found[error(law.name_in(site.configuration))] = law.individual
-    return found
+        slopes[error(law.name_in(site.configuration))] = law.individual
+    return slopes

@@ -54,33 +54,19 @@ class InfeasibleError(ReceptanceError):
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Observations, unknown parameters and units of the residuals.
-
-    Attributes
-    ----------
-    observed : tuple of Observation
-        The observations.
-    parameters : Parameters
-        The unknowns and their map to parameters of the assemblies.
-    units : tuple of str
-        Unit of the residuals of each observation.
-    bands : list of (float, float) or None
-        Bands of the lines that are used, in Hz; by default all.
-    band_width_percent : float
-        Half width of bands around peaks, with percentages.
-    threads : int or None
-        As in `Assembly.receptance`.
-    noise_factor : float
-        Factor of the standard deviations of `observed` over the stated ones, see `noisier`.
-    """
+    """Observations, unknown parameters and units of the residuals."""
 
     observed: tuple[Observation, ...]
     parameters: Parameters
     units: tuple[Unit, ...]
+    """Unit of the residuals of each observation."""
     bands: Bands | None = None
+    """Bands of the lines that are used, in Hz; by default all."""
     band_width_percent: float = 5.0
+    """Half width of bands around peaks, with percentages."""
     threads: int | None = None
     noise_factor: float = 1.0
+    """Factor of the standard deviations of `observed` over the stated ones, see `noisier`."""
 
     @cached_property
     def variables(self) -> Variables:
@@ -105,15 +91,7 @@ class Task:
         return sum(observation.independent_values for observation in self.selected)
 
     def problem(self, selected: Sequence[Observation] | None = None, smoothing: float | None = None) -> Problem:
-        """Return the residuals as a problem of the core.
-
-        Parameters
-        ----------
-        selected : sequence of Observation, optional
-            The observations on some of their lines; by default on all in bands.
-        smoothing : float, optional
-            As of `Problem`.
-        """
+        """Return the residuals as a problem of the core: of all lines in bands, or of observations on other lines."""
         observations = self.selected if selected is None else selected
         return Problem(self.variables, observations, self.mappings, self.units, self.threads, smoothing=smoothing)
 
@@ -135,7 +113,10 @@ class Task:
 
     def without_errors(self) -> Task:
         """Return the task with exact dimensions and materials; its vector is the first part of that of this task."""
-        exact = [replace(one, individual=0.0) if isinstance(one, Law) else one for one in self.parameters.given]
+        exact = [
+            replace(unknown, individual=0.0) if isinstance(unknown, Law) else unknown
+            for unknown in self.parameters.given
+        ]
         sites = [observation.site(i) for i, observation in enumerate(self.observed)]
         return replace(self, parameters=Parameters(exact, (), sites))
 
@@ -154,29 +135,21 @@ class Task:
 
 
 class End(NamedTuple):
-    """The end of one fit.
-
-    Attributes
-    ----------
-    x : ndarray
-        `(p,)` the fitted variables.
-    cost, first : float
-        Half the sum of squares at the end and at the start; infinite where the model has no value.
-    evaluations : int
-        Evaluations of all observations.
-    status : int
-        As of SciPy's `least_squares`; -1 where the model has no value at the start.
-    normal : ndarray
-        `(p + 1, p + 1)` A^T A of A = [J | r], at the end or a step from it that lowers the cost by less than the
-        tolerance.
-    """
+    """The end of one fit."""
 
     x: NDArray[np.float64]
+    """`(p,)` the fitted variables."""
     cost: float
+    """Half the sum of squares; infinite where the model has no value."""
     first: float
+    """That of the start."""
     evaluations: int
+    """Evaluations of all observations."""
     status: int
+    """As of SciPy's `least_squares`; -1 where the model has no value at the start."""
     normal: NDArray[np.float64]
+    """`(p + 1, p + 1)` A^T A of A = [J | r], at the end or a step from it that lowers the cost by less than the
+    tolerance."""
 
     @property
     def converged(self) -> bool:
@@ -197,29 +170,9 @@ class End(NamedTuple):
 class Problem:
     """All residuals as a function of the fitted variables.
 
-    Parameters
-    ----------
-    variables : Variables
-        The fitted vector.
-    observations : sequence of Observation
-        The observations, on the lines that are used.
-    mappings : sequence of ParameterMap
-        Parameters of the assembly of each observation.
-    units : sequence of str
-        Unit of the residuals of each observation.
-    threads : int, optional
-        As in `Assembly.receptance`.
-    smoothing : float, optional
-        Residuals well above it count by their absolute value; not for logarithms of receptances.
-    information : tuple of ndarray, optional
-        R and c of the residuals R (x - c), in the place of the priors of the unknowns.
-
-    Attributes
-    ----------
-    sizes : tuple of int
-        Number of residuals of each observation.
-    evaluations : int
-        How often all observations were evaluated.
+    Each observation, on the lines that are used, has a map of parameters and a unit of its residuals. Residuals well
+    above `smoothing` count by their absolute value, which is not for logarithms of receptances. `information`, R and c
+    of the residuals R (x - c), takes the place of the priors of the unknowns.
     """
 
     def __init__(
@@ -246,6 +199,7 @@ class Problem:
         )
         self._added = _add(core, self._observations, self._mappings, units, variables.unknowns, threads)
         self.core = core
+        # Number of residuals of each observation, and of all with priors.
         self.sizes = tuple(map(_residual_count, self._observations, units))
         self.size = sum(self.sizes) + (len(priors) if information is None else information[1].size)
         if information is not None:
@@ -456,20 +410,20 @@ def _add(
 
 def _are_records(observations: Sequence[Observation], mappings: Sequence[ParameterMap], units: Sequence[Unit]) -> bool:
     """Return whether two observations are receptances of one model on the same lines."""
-    (one, other), (mapping, other_mapping) = observations, mappings
+    (first, second), (mapping, other_mapping) = observations, mappings
     return (
-        one.is_receptance
-        and other.is_receptance
+        first.is_receptance
+        and second.is_receptance
         and units[0] == units[1]
-        and one.coordinates == other.coordinates
-        and one.ends == other.ends
-        and np.array_equal(one.frequency_hz, other.frequency_hz)
-        and _equal(one.force, other.force)
+        and first.coordinates == second.coordinates
+        and first.ends == second.ends
+        and np.array_equal(first.frequency_hz, second.frequency_hz)
+        and _equal(first.force, second.force)
         and (
             mapping is other_mapping
             or (mapping.addresses == other_mapping.addresses and _equal(mapping.table, other_mapping.table))
         )
-        and (one.assembly is other.assembly or one.assembly == other.assembly)
+        and (first.assembly is second.assembly or first.assembly == second.assembly)
     )
 
 
@@ -548,9 +502,9 @@ def _add_frequencies(core: _core.Problem, measured: Observation, mapping: Parame
     )
 
 
-def _equal(one: NDArray[Any] | None, other: NDArray[Any] | None) -> bool:
+def _equal(first: NDArray[Any] | None, second: NDArray[Any] | None) -> bool:
     """Return whether two arrays are equal, or both are None."""
-    return one is other or (one is not None and other is not None and np.array_equal(one, other))
+    return first is second or (first is not None and second is not None and np.array_equal(first, second))
 
 
 def slopes_at(

@@ -196,12 +196,12 @@ def as_unknowns(unknowns: Unknowns, *, least: int = 1) -> tuple[Unknown, ...]:
     """
     if not isinstance(unknowns, Mapping):
         return _checks.items("unknowns", unknowns, Unknown, least=least)
-    found = []
+    objects = []
     for address, bounds in unknowns.items():
         if isinstance(bounds, Unknown):
             raise TypeError(f"unknowns[{address!r}] is an Unknown, expected bounds, or give a list of Unknown")
         if isinstance(bounds, Mapping):
-            found.append(Unknown(address=address, **bounds))
+            objects.append(Unknown(address=address, **bounds))
             continue
         numbers: tuple[Any, ...] = tuple(bounds) if isinstance(bounds, (tuple, list, np.ndarray)) else ()
         if len(numbers) not in (2, 3):
@@ -210,18 +210,18 @@ def as_unknowns(unknowns: Unknowns, *, least: int = 1) -> tuple[Unknown, ...]:
                 "with lower, upper and other arguments of Unknown"
             )
         lower, upper, start = (*numbers, None)[:3]
-        found.append(Unknown(address=address, lower=lower, upper=upper, start=start))
-    return _checks.items("unknowns", found, Unknown, least=least)
+        objects.append(Unknown(address=address, lower=lower, upper=upper, start=start))
+    return _checks.items("unknowns", objects, Unknown, least=least)
 
 
 def listed(owner: str, configurations: str | Sequence[str] | None) -> tuple[str, ...] | None:
     """Return names of configurations as a tuple; None means all."""
     if configurations is None:
         return None
-    found = (configurations,) if isinstance(configurations, str) else tuple(configurations)
-    if not found or not all(isinstance(name, str) and name for name in found):
+    names = (configurations,) if isinstance(configurations, str) else tuple(configurations)
+    if not names or not all(isinstance(name, str) and name for name in names):
         raise ValueError(f"{owner}: configurations is {configurations!r}, expected names of configurations, or None")
-    return found
+    return names
 
 
 # A diagnosis needs the same errors in some hundred models.
@@ -352,17 +352,17 @@ class Law(Unknown):
     def expanded(self, configurations: Sequence[str]) -> list[Unknown]:
         """Return the unknowns of the law for these configurations."""
         if self.free:
-            own = [self.base(self.name_in(configuration), (configuration,)) for configuration in configurations]
+            values = [self.base(self.name_in(configuration), (configuration,)) for configuration in configurations]
             return [
                 replace(unknown, start=min(max(self.starts.get(name, start), self.lower), self.upper))
-                for name, unknown in zip(configurations, own, strict=True)
+                for name, unknown in zip(configurations, values, strict=True)
                 if (start := unknown.start) is not None
             ]
-        found = [self.base(self.name, self.configurations)]
-        found += [power.exponent(self.name) for power in self.powers]
+        unknowns = [self.base(self.name, self.configurations)]
+        unknowns += [power.exponent(self.name) for power in self.powers]
         if self.individual:
-            found += [error_of(self.name_in(configuration)) for configuration in configurations]
-        return found
+            unknowns += [error_of(self.name_in(configuration)) for configuration in configurations]
+        return unknowns
 
     def name_in(self, configuration: str) -> str:
         """Return the name of the value or of the individual part of one configuration."""
@@ -371,8 +371,8 @@ class Law(Unknown):
     def base(self, name: str, configurations: tuple[str, ...] | None) -> Unknown:
         """Return the unknown of the value at the references."""
         fields = ("address", "lower", "upper", "start", "scale", "prior", "multiple", "also")
-        given = {field: getattr(self, field) for field in fields}
-        return replace(Unknown(**given), name=name, configurations=configurations)
+        values = {field: getattr(self, field) for field in fields}
+        return replace(Unknown(**values), name=name, configurations=configurations)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -551,26 +551,26 @@ class Variables:
         for rank in ranks:
             rng.shuffle(rank)
         share = (ranks.T - share) / (starts - 1)
-        found = low + (high - low) * share
+        drawn = low + (high - low) * share
         normal = special.ndtri(np.minimum(share, _LARGEST_SHARE))
         for i, unknown in enumerate(self.unknowns):
             if unknown.prior is not None:
                 scale = math.log(10.0) if unknown.scale == "log" else 1.0
                 middle = math.log10(unknown.prior.mean) if unknown.scale == "log" else unknown.prior.mean
-                found[:, i] = middle + unknown.prior.standard_deviation / scale * normal[:, i]
-        return np.vstack([self.start, np.clip(found, low, high)])
+                drawn[:, i] = middle + unknown.prior.standard_deviation / scale * normal[:, i]
+        return np.vstack([self.start, np.clip(drawn, low, high)])
 
 
 def covered(address: str, assembly: Assembly) -> frozenset[str]:
     """Return the parameters of the assembly that match an address, several with `segment[*]`."""
-    found = assembly.matches.get(address)
-    if found is None:
-        found = assembly.matches[address] = _covered(address, assembly.parameters)
-    return found
+    matches = assembly.matches.get(address)
+    if matches is None:
+        matches = assembly.matches[address] = _covered(address, assembly.parameters)
+    return matches
 
 
-def _covered(address: str, known: tuple[str, ...]) -> frozenset[str]:
+def _covered(address: str, parameters: tuple[str, ...]) -> frozenset[str]:
     if "[*]" not in address:
-        return frozenset((address,) if address in known else ())
+        return frozenset((address,) if address in parameters else ())
     pattern = re.compile(re.escape(address).replace(r"\[\*\]", r"\[\d+\]"))
-    return frozenset(name for name in known if pattern.fullmatch(name))
+    return frozenset(name for name in parameters if pattern.fullmatch(name))

@@ -85,9 +85,9 @@ def segment_fields(address: str, part: Part, rest: str) -> list[tuple[int, str]]
     indices = range(count) if number == "*" else [int(number)]
     if indices[0] >= count:
         raise ValueError(f"there is no parameter {address!r}: the part has {count} segment(s), counted from 0")
-    known = [column.address for column in Segment.layout if column.address]
-    if name not in known:
-        raise ValueError(f"there is no parameter {address!r}; a segment has {', '.join(known)}")
+    names = [column.address for column in Segment.layout if column.address]
+    if name not in names:
+        raise ValueError(f"there is no parameter {address!r}; a segment has {', '.join(names)}")
     pairs = [(i, name) for i in indices if name in part.segments[i].places]
     if not pairs:
         raise ValueError(f"there is no parameter {address!r}: the segment has no core")
@@ -126,8 +126,8 @@ def place_on(elements: Mapping[str, Any], owner: str, part: str, position: float
     name = part or next(iter(elements))
     element = elements.get(name)
     if not isinstance(element, Part):
-        known = ", ".join(repr(key) for key, value in elements.items() if isinstance(value, Part))
-        raise ValueError(f"{owner}: there is no part {name!r}; the parts are {known}")
+        parts = ", ".join(repr(key) for key, value in elements.items() if isinstance(value, Part))
+        raise ValueError(f"{owner}: there is no part {name!r}; the parts are {parts}")
     edges = edges_of(element)
     if position == "end":
         return name, edges[-1]

@@ -322,13 +322,13 @@ class Assembly(Renderable):
 
     def get(self, address: str) -> float:
         """Return the value of a parameter; for `segment[*]` all segments must have the same value."""
-        known = self.flat().values
-        if address in known:
-            return known[address]
-        values = {known[name] for name in self._named(address)}
+        parameters = self.flat().values
+        if address in parameters:
+            return parameters[address]
+        values = {parameters[name] for name in self._named(address)}
         if len(values) > 1:
-            found = ", ".join(f"{value:g}" for value in sorted(values))
-            raise ValueError(f"{address!r} has different values in the segments: {found}")
+            texts = ", ".join(f"{value:g}" for value in sorted(values))
+            raise ValueError(f"{address!r} has different values in the segments: {texts}")
         return values.pop()
 
     def replace(self, values: Mapping[str, float]) -> Assembly:
@@ -354,12 +354,12 @@ class Assembly(Renderable):
                 self._named(address)  # raises if there is no such parameter
                 changes.setdefault(name, {})[rest] = value
         # All values of an element are replaced together, because only together they may be valid.
-        for (name, i), own in in_segments.items():
+        for (name, i), changed in in_segments.items():
             segments = list(elements[name].segments)
-            segments[i] = segments[i].with_values(own)
+            segments[i] = segments[i].with_values(changed)
             elements[name] = replace(elements[name], segments=tuple(segments))
-        for name, own in changes.items():
-            elements[name] = elements[name].with_values(own)
+        for name, changed in changes.items():
+            elements[name] = elements[name].with_values(changed)
         for name, attachment in self._attachments.items():
             # An attachment at an end of a segment stays there, as its derivative assumes.
             part, along = points_of(self._elements, name, attachment)
@@ -467,18 +467,21 @@ class Assembly(Renderable):
         others : collection of str, optional
             The addresses of observations, which are in no table.
         """
-        known = self._tied.get(points)
-        if known is not None and known[0] == addresses:
-            return known[1]
+        last = self._tied.get(points)
+        if last is not None and last[0] == addresses:
+            return last[1]
         flat = self.flat(points)
-        names = [[] if one in others else [one] if one in flat.entries else self._named(one) for one in addresses]
+        names = [
+            [] if address in others else [address] if address in flat.entries else self._named(address)
+            for address in addresses
+        ]
         for address, name in zip(addresses, names, strict=True):
             if len(name) > 1:
                 self.get(address)  # raises if the segments differ
-        found = Tied(flat, names, self._points(flat, points))
+        tied = Tied(flat, names, self._points(flat, points))
         # A diagnosis varies the same addresses of an assembly in many ways, one after the other.
-        self._tied[points] = addresses, found
-        return found
+        self._tied[points] = addresses, tied
+        return tied
 
     def _evaluate(
         self,
@@ -527,26 +530,28 @@ class Assembly(Renderable):
 
     def _weights(self, flat: Flat, addresses: tuple[str, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the distinct table entries of addresses, and the matrix of their rates; see `distinct`."""
-        return distinct([[entry for name in self._named(one) for entry in flat.entries[name]] for one in addresses])
+        return distinct(
+            [[entry for name in self._named(address) for entry in flat.entries[name]] for address in addresses]
+        )
 
     def _named(self, address: str) -> list[str]:
         """Return the parameters at an address, several with `segment[*]`."""
-        known = self.flat().entries
-        if address in known:
+        entries = self.flat().entries
+        if address in entries:
             return [address]
         owner, rest = self._owner(address)
         first = address.split(".", 1)[0] + "."
         if isinstance(owner, Part):
             return [f"{first}segment[{i}].{field}" for i, field in segment_fields(address, owner, rest)]
-        names = ", ".join(name.removeprefix(first) for name in known if name.startswith(first))
+        names = ", ".join(name.removeprefix(first) for name in entries if name.startswith(first))
         raise ValueError(f"there is no parameter {address!r}; {type(owner).__name__} has {names}")
 
     def _owner(self, address: str) -> tuple[Any, str]:
         name, dot, rest = str(address).partition(".")
         owner = self._elements.get(name) or self._attachments.get(name)
         if owner is None or not dot:
-            known = ", ".join([*self._elements, *self._attachments])
-            raise ValueError(f"there is no parameter {address!r}: its first word must be one of {known}")
+            owners = ", ".join([*self._elements, *self._attachments])
+            raise ValueError(f"there is no parameter {address!r}: its first word must be one of {owners}")
         return owner, rest
 
     def __repr__(self) -> str:
@@ -605,13 +610,13 @@ def _material(material: Material) -> str:
 
 
 def _values(element: Any) -> str:
-    found = []
-    for one in fields(element) if is_dataclass(element) else ():
-        value = getattr(element, one.name)
+    texts = []
+    for quantity in fields(element) if is_dataclass(element) else ():
+        value = getattr(element, quantity.name)
         if isinstance(value, bool) or not isinstance(value, (int, float)) or value == 0.0:
             continue
-        found.append(f"{one.name} {value:.4g}")
+        texts.append(f"{quantity.name} {value:.4g}")
     where = getattr(element, "position", None)
-    if where is not None and f"position {where:.4g}" not in found if isinstance(where, float) else where == "end":
-        found.append(f"position {where}")
-    return ", ".join(found)
+    if where is not None and f"position {where:.4g}" not in texts if isinstance(where, float) else where == "end":
+        texts.append(f"position {where}")
+    return ", ".join(texts)

@@ -352,7 +352,7 @@ class Tied:
     @cached_property
     def _rates(self) -> NDArray[np.float64]:
         """`(k, 5)` table, row, column, number of the address, and derivative of the entry."""
-        numbered = [(index, name) for index, own in enumerate(self.names) for name in own]
+        numbered = [(index, name) for index, parameters in enumerate(self.names) for name in parameters]
         rates = [(*entry[:3], index, entry[3]) for index, name in numbered for entry in self.flat.entries[name]]
         return np.array(rates, dtype=np.float64).reshape(-1, 5)
 

@@ -206,11 +206,11 @@ class MeasuredPart(Terminal):
 
     def _doubts(self, lines_hz: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return why the table has no value at lines between its own, 0 where it has one, and the relative error."""
-        known = self.frequency_hz
-        if known.size < _MIN_LINES:
+        lines = self.frequency_hz
+        if lines.size < _MIN_LINES:
             return np.full(lines_hz.size, _FEW), np.zeros(lines_hz.size)
-        after = _after(known, lines_hz)
-        spacing, n = np.diff(known), _NEIGHBOURS
+        after = _after(lines, lines_hz)
+        spacing, n = np.diff(lines), _NEIGHBOURS
         usual = np.array([np.median(spacing[max(i - n, 0) : i + n + 1]) for i in range(spacing.size)])
         error = self._error
         worst = np.max(np.maximum(error[after - 1], error[after]), axis=1)
@@ -225,14 +225,14 @@ class MeasuredPart(Terminal):
         # The first doubt in the order of the list, of which the first line.
         kind = min(doubts[doubts > 0].tolist())
         at = int(np.flatnonzero(doubts == kind)[0])
-        line, known = lines_hz[at], self.frequency_hz
+        line, lines = lines_hz[at], self.frequency_hz
         if kind == _FEW:
-            raise ValueError(f"{owner} has {known.size} lines, too few to interpolate to {line:g} Hz; use its lines")
+            raise ValueError(f"{owner} has {lines.size} lines, too few to interpolate to {line:g} Hz; use its lines")
         leave_out = "leave the line out, `frf.with_(usable=part.covers(frf.frequency_hz))`"
         if kind == _IN_GAP:
-            after = _after(known, lines_hz)[at]
+            after = _after(lines, lines_hz)[at]
             raise ValueError(
-                f"{owner} is not known between {known[after - 1]:g} and {known[after]:g} Hz, at the line at "
+                f"{owner} is not known between {lines[after - 1]:g} and {lines[after]:g} Hz, at the line at "
                 f"{line:g} Hz; {leave_out}, or fit a ModalPart"
             )
         raise ValueError(
@@ -247,13 +247,13 @@ class MeasuredPart(Terminal):
         The prediction of each line from every second other line has double spacing, so its error is 16 times that of
         the spline.
         """
-        known, table = self.frequency_hz, self._table
+        lines, table = self.frequency_hz, self._table
         off = np.zeros(table.shape)
         for start in (0, 1):
             kept, other = slice(start, None, 2), slice(1 - start, None, 2)
-            inside = (known[other] >= known[kept][0]) & (known[other] <= known[kept][-1])
-            rows = np.arange(known.size)[other][inside]
-            off[rows] = np.abs(_spline(known[kept], table[kept], known[rows]) - table[rows]) / _ERROR_RATIO
+            inside = (lines[other] >= lines[kept][0]) & (lines[other] <= lines[kept][-1])
+            rows = np.arange(lines.size)[other][inside]
+            off[rows] = np.abs(_spline(lines[kept], table[kept], lines[rows]) - table[rows]) / _ERROR_RATIO
         window = np.ones(2 * _NEIGHBOURS + 1) / (2 * _NEIGHBOURS + 1)
         sizes = (np.pad(column, _NEIGHBOURS, "edge") for column in np.abs(table).T)
         local = np.stack([np.convolve(size, window, "valid") for size in sizes], axis=1)

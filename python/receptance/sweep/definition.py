@@ -70,8 +70,8 @@ class Definition:
             assemblies += list(self.assemblies.values())
         for address in self.candidates.addresses:
             if not any(covered(address, assembly) for assembly in assemblies):
-                known = ", ".join(sorted({name for assembly in assemblies for name in assembly.parameters}))
-                raise ValueError(f"sweep: no assembly has the parameter {address!r}, expected one of {known}")
+                parameters = ", ".join(sorted({name for assembly in assemblies for name in assembly.parameters}))
+                raise ValueError(f"sweep: no assembly has the parameter {address!r}, expected one of {parameters}")
 
     def _check_names(self) -> None:
         names = [variable.name for output in self.outputs for variable in output.variables()]
@@ -82,7 +82,7 @@ class Definition:
 
     def variables(self) -> list[Variable]:
         """Return the variables of the results, with the dimension `assembly` if there is one."""
-        known: dict[str, NDArray[Any]] = {}
+        coordinates: dict[str, NDArray[Any]] = {}
         variables = []
         for output in self.outputs:
             for variable in output.variables():
@@ -91,9 +91,9 @@ class Definition:
                     dimensions[_ASSEMBLY] = np.array(list(self.assemblies))
                 for name, values in variable.dimensions.items():
                     # Another output may have this dimension with other values.
-                    same = name not in known or np.array_equal(known[name], values)
+                    same = name not in coordinates or np.array_equal(coordinates[name], values)
                     dimensions[name if same else f"{variable.name}_{name}"] = values
-                known |= dimensions
+                coordinates |= dimensions
                 variables.append(replace(variable, dimensions=dimensions))
         return variables
 
