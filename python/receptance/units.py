@@ -21,31 +21,6 @@ from typing import Any, Literal, get_args
 
 from receptance._text import did_you_mean, shown
 
-__all__ = [
-    "CHANNEL_UNITS",
-    "FORMS",
-    "FORM_NAMES",
-    "NUMBER",
-    "QUANTITIES",
-    "ROTATIONS",
-    "Dimension",
-    "FRFKind",
-    "Form",
-    "Quantity",
-    "Unit",
-    "UnitError",
-    "channel_factor",
-    "channel_kind",
-    "form_name",
-    "frf_kind",
-    "frf_unit",
-    "parse",
-    "parse_any",
-    "parse_unit",
-    "split",
-    "suggested_unit",
-]
-
 _DEFINITIONS = """
 pico- = 1e-12 = p-
 nano- = 1e-9 = n-

@@ -79,7 +79,7 @@ def test_invalid_attachment_positions(attachments: Any, error: type[Exception], 
     [
         (lambda: Coordinate("spindle"), ValueError, "coordinate: there is no part 'spindle'"),
         (lambda: Coordinate("tool", 0.2), ValueError, "coordinate: position is 0.2 m"),
-        (lambda: Coordinate("tool", 0.0, "x"), ValueError, "direction is 'x', expected 'y' or 'theta'"),  # type: ignore[arg-type]
+        (lambda: Coordinate("tool", 0.0, "x"), ValueError, "direction is 'x', expected one of y, theta"),  # type: ignore[arg-type]
         (lambda: "tip", TypeError, "coordinate.* 't.*expected .*Coordinate"),
         (lambda: [], ValueError, "coordinates is empty, expected at least one Coordinate"),
         (lambda: [Coordinate(), 3], TypeError, r"coordinates\[1\] is 3"),

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,8 +131,7 @@ class Unknown:
         if lower >= upper:
             raise ValueError(f"{owner}: lower is {lower:g} and upper {upper:g}, expected lower below upper")
         scale = self.scale if self.scale is not None else ("log" if lower > 0.0 else "linear")
-        if scale not in get_args(Scale):
-            raise ValueError(f"{owner}: scale is {scale!r}, expected one of {', '.join(get_args(Scale))}")
+        _checks.one_of(owner, "scale", scale, Scale)
         if scale == "log" and lower <= 0.0:
             raise ValueError(f"{owner}: lower is {lower:g}, expected more than zero on a log scale")
         if self.start is None:

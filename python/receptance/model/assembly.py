@@ -82,8 +82,7 @@ class Assembly(Renderable):
     def __init__(
         self, chain: Iterable[ChainElement], attachments: Iterable[Attachment] = (), *, motion: Motion = "bending"
     ) -> None:
-        if motion not in MOTIONS:
-            raise ValueError(f"Assembly: motion is {motion!r}, expected one of {', '.join(MOTIONS)}")
+        _checks.one_of("Assembly", "motion", motion, MOTIONS)
         self.motion = motion
         elements = tuple(chain) if not isinstance(chain, ChainElement) else (chain,)
         points = tuple(attachments)
@@ -215,26 +214,16 @@ class Assembly(Renderable):
         threads: int | None = None,
         force: ArrayLike | None = None,
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Return the receptance and its derivatives with respect to parameters.
+        """Return the receptance and its derivatives with respect to parameters, see `parameters`.
 
-        Parameters
-        ----------
-        parameters : sequence of str
-            Addresses, see `parameters`.
-        frequency_hz, response, excitation, threads, force
-            As in `receptance`.
-
-        Returns
-        -------
-        receptance, derivative : ndarray
-            As in `receptance`; the derivative has an additional last axis over the parameters, per SI unit.
+        The other arguments are those of `receptance`, and so is the first result. The derivatives have an additional
+        last axis over the parameters, per SI unit.
 
         Examples
         --------
-        >>> from receptance import STEEL, Assembly, Part, PointJoint, Segment
-        >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
-        >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-        >>> _, slope = pair.derivatives([500.0, 900.0], ["joint.k_y", "tool.segment[0].outer_diameter"])
+        >>> from receptance import STEEL, Assembly, Part, Segment
+        >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
+        >>> _, slope = bar.derivatives([500.0, 900.0], ["bar.segment[0].length", "bar.segment[0].outer_diameter"])
         >>> slope.shape
         (2, 2)
         """
@@ -243,14 +232,8 @@ class Assembly(Renderable):
     def natural_frequencies(self, upper_hz: float) -> NDArray[np.float64]:
         """Return the undamped natural frequencies up to `upper_hz`, ascending, in Hz, without rigid-body modes.
 
-        Loss factors and dashpots are ignored. The count of Wittrick and Williams (1971) ensures that none is missed.
-
-        Raises
-        ------
-        ValueError
-            A limit that is not positive.
-        SingularInterfaceError
-            A joint with a dashpot only.
+        Loss factors and dashpots are ignored. The count of Wittrick and Williams (1971) ensures that none is missed. A
+        joint with a dashpot only is a SingularInterfaceError.
         """
         return self.natural_frequency_derivatives(upper_hz, ())[0]
 
@@ -302,16 +285,6 @@ class Assembly(Renderable):
         ------
         ReceptanceError
             A mode that cannot be followed, because it ceases to oscillate or meets another one.
-
-        Examples
-        --------
-        >>> from dataclasses import replace
-        >>> from receptance import STEEL, Assembly, Part, Segment
-        >>> bar = Segment(length=0.2, outer_diameter=0.02, material=replace(STEEL, loss_factor=0.002))
-        >>> bar = Assembly([Part([bar], name="bar")])
-        >>> frequency, _ = bar.complex_frequencies(bar.natural_frequencies(5e3))
-        >>> round(float(frequency[0].imag / abs(frequency[0])), 5)  # half the loss factor
-        0.001
         """
         flat = self.flat()
         rows, matrix = self._weights(flat, listed(parameters))
@@ -386,24 +359,11 @@ class Assembly(Renderable):
         planes: bool = False,
         threads: int | None = None,
     ) -> _core.JointReduction:
-        """Reduce the assembly to one joint; the rest of the assembly is evaluated once.
+        """Return a handle of the core for fits and sweeps of one `PointJoint`; the rest is evaluated once.
 
-        Parameters
-        ----------
-        joint : str
-            Name of a `PointJoint`.
-        frequency_hz, response, excitation, threads
-            As in `receptance`.
-        at : PointJoint, optional
-            Joint for the evaluation of the assembly; by default that of the assembly.
-        planes : bool, default False
-            Keep H_0, F_r (2), F_e (2), Y (3) of (T7) on each line, real and imaginary parts, instead of the power
-            series (T7a); the method `planes` of the result returns them, `(16, n)`.
-
-        Returns
-        -------
-        JointReduction
-            A handle of the core for fits and sweeps of the joint.
+        The assembly is evaluated with the joint `at`, by default its own. With `planes`, H_0, F_r (2), F_e (2) and Y
+        (3) of (T7) are kept on each line, real and imaginary parts, instead of the power series (T7a); the method
+        `planes` of the result returns them, `(16, n)`. Lines, coordinates and threads are those of `receptance`.
         """
         if not isinstance(self._elements.get(joint), PointJoint) or self.flat().rows["slips"]:
             raise ValueError(f"{self!r} has no PointJoint {joint!r}, or has a joint in micro-slip")
@@ -426,21 +386,10 @@ class Assembly(Renderable):
     def poles(
         self, starts: NDArray[np.complex128], radii: tuple[float, float], angles: tuple[float, float]
     ) -> tuple[NDArray[np.complex128], int]:
-        """Return complex natural frequencies in a sector; `damped_modes` chooses the arguments.
+        """Return complex natural frequencies in Hz in a sector; `damped_modes` chooses the arguments.
 
-        Parameters
-        ----------
-        starts : ndarray
-            Approximate complex frequencies in Hz.
-        radii, angles : pair of float
-            Limits of the sector: magnitudes in Hz and angles from the real axis in rad.
-
-        Returns
-        -------
-        frequency_hz : ndarray
-            Complex natural frequencies in Hz.
-        missed : int
-            Number of further ones that were counted by the argument principle and not found.
+        The search begins at `starts`, in Hz. The sector has magnitudes in Hz and angles from the real axis in rad. The
+        second result is the number of further frequencies that were counted by the argument principle and not found.
         """
         flat = self.flat()
         with flat.joints_by_name():
@@ -456,16 +405,10 @@ class Assembly(Renderable):
     def tied(
         self, addresses: Sequence[str], points: tuple[Coordinate, ...] = (), *, others: Collection[str] = ()
     ) -> Tied:
-        """Return the model of the core as a function of addresses.
+        """Return the model of the core as a function of addresses of parameters.
 
-        Parameters
-        ----------
-        addresses : sequence of str
-            Addresses of parameters and of observations.
-        points : tuple of Coordinate, optional
-            Coordinates of responses and excitations.
-        others : collection of str, optional
-            The addresses of observations, which are in no table.
+        Addresses among `others` are those of observations, which are in no table. `points` are coordinates of responses
+        and excitations.
         """
         last = self._tied.get(points)
         if last is not None and last[0] == addresses:

@@ -125,11 +125,6 @@ class Section(_CircularSection):
     ----------
     {fields}
 
-    Raises
-    ------
-    ValueError, TypeError
-        A value out of its bounds; the message names it.
-
     Examples
     --------
     >>> from receptance import STEEL, Section

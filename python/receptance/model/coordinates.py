@@ -36,8 +36,7 @@ class Coordinate:
     direction: Literal["y", "theta"] = "y"
 
     def __post_init__(self) -> None:
-        if self.direction not in ("y", "theta"):
-            raise ValueError(f"Coordinate: direction is {self.direction!r}, expected 'y' or 'theta'")
+        _checks.one_of("Coordinate", "direction", self.direction, ("y", "theta"))
 
     def describe(self) -> str:
         """Return direction and position as text for messages, legends and tables."""
@@ -48,14 +47,9 @@ class Coordinate:
 
 @dataclass(frozen=True, init=False, repr=False)
 class UnknownPosition(Coordinate):
-    """A coordinate with a known direction and an unknown position, as in files without positions.
+    """A coordinate with a known direction, "y" or "theta", and an unknown position, as in files without positions.
 
     It differs from every `Coordinate` with a position. Where a position is needed, the tip of the first part is used.
-
-    Parameters
-    ----------
-    direction : {"y", "theta"}, optional
-        Transverse displacement and force, or slope and moment.
 
     Examples
     --------

@@ -57,12 +57,7 @@ def grouped_notes(notes: Sequence[str]) -> Iterator[str]:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of the package, Python, NumPy and SciPy, and the instruction set of the core.
-
-    Returns
-    -------
-    dict of str to str
-        "receptance", "python", "numpy", "scipy" and "instruction_set".
+    """Return the versions of the package, Python, NumPy and SciPy, and the instruction set of the core, by name.
 
     Examples
     --------
@@ -264,8 +259,8 @@ class PageSection:
 class Result(Renderable):
     """Base of all results: a subclass defines tables, sentences and data, which are rendered here.
 
-    A subclass has the attributes `provenance` and `notes` (sentences for the user), defines `data` and
-    `plotted_by`, and overrides `tables`, `sentences`, and `warnings` if the user should act on something.
+    A subclass has the attributes `provenance` and `notes`, defines `data` and `plotted_by`, and overrides the other
+    methods that apply to it.
     """
 
     heading: ClassVar[str] = "Result"
@@ -344,17 +339,7 @@ _Inner = TypeVar("_Inner", bound=Result)
 
 
 class Results(Result, Mapping[str, _Inner], Generic[_Inner]):
-    """Results of one type by name, such as the joints of a campaign; a mapping and a result.
-
-    Parameters
-    ----------
-    items : mapping of str to Result
-        The results.
-    provenance : Provenance, optional
-        Source of the results.
-    notes : sequence of str, optional
-        Notes for the user on all of them, a sentence each.
-    """
+    """Results of one type by name, such as the joints of a campaign; a mapping and a result, with notes on all."""
 
     key: ClassVar[str] = "results"
     """Name of the results in `to_dict`."""

@@ -66,16 +66,10 @@ _NOT_ZERO = re.compile("^[^e]*[1-9]")
 
 
 def amounts(values: Sequence[float], unit: str = "", digits: int = 3) -> tuple[list[str], str]:
-    """Return numbers as text in one unit, and this unit; small masses, lengths and times get a smaller unit.
+    """Return numbers in an SI unit as text in one unit, and this unit.
 
-    Parameters
-    ----------
-    values : sequence of float
-        Numbers in the SI unit.
-    unit : str, optional
-        The SI unit.
-    digits : int, optional
-        Significant digits of the largest number; the others have as many decimals.
+    Small masses, lengths and times get a smaller unit. `digits` are the significant digits of the largest number; the
+    others have as many decimals.
 
     Examples
     --------
@@ -192,12 +186,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a result; its numbers are rounded when it is rendered.
-
-    Raises
-    ------
-    ValueError
-        A row with more or fewer cells than there are columns.
+    """A table of a result; its numbers are rounded when it is rendered. All rows have a cell for each column.
 
     Examples
     --------

@@ -85,12 +85,10 @@ class Grid(Candidates):
         _checks.set_fields(self, {"addresses": tuple(axes), "count": count, "axes": tuple(axes.values())})
 
     def values(self, start: int, stop: int) -> NDArray[np.float64]:
-        """Return candidates `start` to `stop - 1`; see `Candidates`."""
         indices = np.unravel_index(np.arange(start, stop), [axis.size for axis in self.axes])
         return np.column_stack([axis[index] for axis, index in zip(self.axes, indices, strict=True)])
 
     def describe(self) -> dict[str, Any]:
-        """Return the values that define the candidates."""
         axes = {name: axis.tolist() for name, axis in zip(self.addresses, self.axes, strict=True)}
         return {"kind": "grid", "values": axes}
 
@@ -130,11 +128,9 @@ class Listed(Candidates):
         _checks.set_fields(self, {"addresses": tuple(columns), "count": len(table), "table": table})
 
     def values(self, start: int, stop: int) -> NDArray[np.float64]:
-        """Return candidates `start` to `stop - 1`; see `Candidates`."""
         return self.table[start:stop].copy()
 
     def describe(self) -> dict[str, Any]:
-        """Return the values that define the candidates."""
         return {"kind": "list", "addresses": list(self.addresses), "values": self.table.tolist()}
 
 
@@ -207,7 +203,6 @@ class Sampled(Candidates):
         _checks.set_fields(self, fields)
 
     def values(self, start: int, stop: int) -> NDArray[np.float64]:
-        """Return candidates `start` to `stop - 1`; see `Candidates`."""
         if self.method == "latin hypercube":
             shares = _latin_hypercube(len(self.addresses), self.count, self.seed)[start:stop]
         else:
@@ -218,7 +213,6 @@ class Sampled(Candidates):
         return np.column_stack([np.asarray(distribution.ppf(share), np.float64) for distribution, share in pairs])
 
     def describe(self) -> dict[str, Any]:
-        """Return the values that define the candidates."""
         # Quantiles identify distributions of any class. They are rounded because processors may differ in the last
         # bits.
         shares = np.linspace(0.01, 0.99, 9)

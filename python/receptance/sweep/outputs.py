@@ -203,11 +203,9 @@ class FrequencyResponse(Output):
 
     @property
     def candidate_s(self) -> float:
-        """Approximate time per candidate; see `Output`."""
         return _LINE_S * self.frequency_hz.size
 
     def variables(self) -> tuple[Variable, ...]:
-        """Return the variables of the results."""
         if self.reduce is not None:
             return (Variable(self.name, "float64", self.unit, {}, "function of the receptance"),)
         dtype = "float64" if self.magnitude else "complex128"
@@ -216,7 +214,6 @@ class FrequencyResponse(Output):
         return (Variable(self.name, dtype, self.unit, lines, meaning),)
 
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
-        """Return the function from candidates to results."""
         model, columns = _prepared(assembly, addresses, self.frequency_hz, self.response, self.excitation, threads)
         evaluate = model.magnitude if self.magnitude else model.receptance
 
@@ -239,7 +236,6 @@ class FrequencyResponse(Output):
         return run
 
     def describe(self) -> list[Any]:
-        """Return the values that define the results."""
         return [self.name, self.frequency_hz, repr(self.response), repr(self.excitation), self.magnitude, self.reduce]
 
 
@@ -269,15 +265,12 @@ class NaturalFrequencies(Output):
 
     @property
     def candidate_s(self) -> float:
-        """Approximate time per candidate; see `Output`."""
         return _MODES_S
 
     def variables(self) -> tuple[Variable, ...]:
-        """Return the variables of the results."""
         return (Variable(self.name, "float64", "Hz", {"mode": np.arange(1, self.modes + 1)}, "natural frequencies"),)
 
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
-        """Return the function from candidates to results."""
         assert assembly is not None
         columns = _columns(assembly, addresses)
         varied = [addresses[i] for i in columns]
@@ -298,7 +291,6 @@ class NaturalFrequencies(Output):
         return run
 
     def describe(self) -> list[Any]:
-        """Return the values that define the results."""
         return [self.name, self.upper_hz, self.modes]
 
 
@@ -338,16 +330,13 @@ class StableDepth(Output):
 
     @property
     def candidate_s(self) -> float:
-        """Approximate time per candidate; see `Output`."""
         return _DEPTH_S + (0.0 if self.speeds_rpm is None else _SPEED_S * self.speeds_rpm.size)
 
     def variables(self) -> tuple[Variable, ...]:
-        """Return the variables of the results."""
         speeds = {} if self.speeds_rpm is None else {"spindle_speed_rpm": self.speeds_rpm}
         return (Variable(self.name, "float64", "m", speeds, "stable depth of cut"),)
 
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
-        """Return the function from candidates to results."""
         model, columns = _prepared(assembly, addresses, self.frequency_hz, None, None, threads)
 
         def run(values: NDArray[np.float64]) -> Evaluated:
@@ -374,7 +363,6 @@ class StableDepth(Output):
         return limit_over_speed(teeth, self.speeds_rpm, self.frequency_hz, depth, phase)[0]
 
     def describe(self) -> list[Any]:
-        """Return the values that define the results."""
         return [self.name, repr(self.cut), self.frequency_hz, self.speeds_rpm, self.directions]
 
 
@@ -427,14 +415,12 @@ class Misfit(Output):
 
     @property
     def candidate_s(self) -> float:
-        """Approximate time per candidate; see `Output`."""
         return sum(
             _LINE_S * observation.frequency_hz.size if observation.is_receptance else _MODES_S
             for observation in self.observations
         )
 
     def variables(self) -> tuple[Variable, ...]:
-        """Return the variables of the results."""
         return (Variable(self.name, "float64", "", {}, "sum of squared residuals, of all observations"),)
 
     def assemblies(self) -> tuple[Assembly, ...]:
@@ -442,7 +428,6 @@ class Misfit(Output):
         return tuple(observation.assembly for observation in self.observations)
 
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
-        """Return the function from candidates to results."""
         misfits = [
             _frf_misfit(observation, addresses, threads)
             if observation.is_receptance
@@ -459,7 +444,6 @@ class Misfit(Output):
         return run
 
     def describe(self) -> list[Any]:
-        """Return the values that define the results."""
         content: list[Any] = [self.name]
         for item in self.observations:
             content.append(item.frequency_hz)
