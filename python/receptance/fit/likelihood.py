@@ -112,8 +112,8 @@ def constrained_fit(fit: Identification, values: Mapping[str, float], *, starts:
     require_likelihood(fit)
     problem = fit.task.problem()
     variables = problem.variables
-    start = fit.vector.copy()
-    free = np.ones(start.size, dtype=np.bool_)
+    held = np.array(list(fit.values.values()))
+    free = np.ones(held.size, dtype=np.bool_)
     for name, value in values.items():
         index = fit.index(name)
         unknown = variables.unknowns[index]
@@ -122,9 +122,8 @@ def constrained_fit(fit: Identification, values: Mapping[str, float], *, starts:
             raise ValueError(
                 f"constrained_fit: {name} is {number:g}, outside the bounds {unknown.lower:g} to {unknown.upper:g}"
             )
-        start[index] = np.log10(number) if unknown.scale == "log" else number
-        free[index] = False
-    best = problem.fit_one(fit.vector, least=1e-9)
+        held[index], free[index] = number, False
+    start, best = variables.from_values(held), problem.fit_one(fit.vector, least=1e-9)
     variance = fit.variance_of_residuals(best.cost)
     # Errors start at their fitted values.
     drawn = free & (np.arange(start.size) < fit.task.parameters.count)
@@ -196,13 +195,9 @@ def log_evidence(fit: Identification) -> float:
     # A factor on the standard deviations divides the density of each independent number.
     total = -0.5 * float(residual @ residual) - fit.task.independent_values * math.log(fit.noise_factor)
     low, high = problem.variables.limits
-    for i, unknown in enumerate(fit.unknowns):
-        if unknown.prior is None:
-            total -= math.log(float(high[i] - low[i]))
-        else:
-            # A prior on a log scale is one of the natural logarithm, and the variable is the decimal one.
-            deviation = unknown.prior.standard_deviation / (math.log(10.0) if unknown.scale == "log" else 1.0)
-            total -= 0.5 * math.log(2.0 * math.pi) + math.log(deviation)
+    slopes = problem.variables.priors[:, 1]
+    total += float(np.sum(np.log(slopes))) - 0.5 * slopes.size * math.log(2.0 * math.pi)
+    total -= sum(math.log(high[i] - low[i]) for i, unknown in enumerate(fit.unknowns) if unknown.prior is None)
     if not np.isfinite(fit.covariance).all():
         return float("nan")
     sign, logarithm = np.linalg.slogdet(fit.covariance)

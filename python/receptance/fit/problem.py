@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -189,7 +190,7 @@ class Problem:
         self.variables = variables
         self.evaluations = 0
         self._observations, self._mappings = tuple(observations), tuple(mappings)
-        priors = prior_table(variables.unknowns) if information is None else np.zeros((0, 3))
+        priors = variables.priors if information is None else np.zeros((0, 3))
         core = _core.Problem(
             variables.logarithmic,
             np.ascontiguousarray(variables.limits),
@@ -569,20 +570,6 @@ def _tied(observation: Observation, mapping: ParameterMap) -> tuple[Tied, NDArra
     return tied, np.array(factors, dtype=np.float64).reshape(-1, 2)
 
 
-def prior_table(unknowns: Sequence[Unknown]) -> NDArray[np.float64]:
-    """Return the priors as residuals a x - b of variables x: rows of the variable's number, a and b, `(k, 3)`."""
-    rows = []
-    for index, unknown in enumerate(unknowns):
-        if unknown.prior is None:
-            continue
-        deviation, mean = unknown.prior.standard_deviation, unknown.prior.mean
-        if unknown.scale == "log":
-            rows.append((index, math.log(10.0) / deviation, math.log(mean) / deviation))
-        else:
-            rows.append((index, 1.0 / deviation, mean / deviation))
-    return np.array(rows, dtype=np.float64).reshape(-1, 3)
-
-
 def _root(normal: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """Return R with R^T R = N for a positive definite N; None where it has too few digits, or no value."""
     diagonal = np.diag(normal)
@@ -594,3 +581,20 @@ def _root(normal: NDArray[np.float64]) -> NDArray[np.float64] | None:
         return None
     root: NDArray[np.float64] = np.sqrt(squares)[:, None] * vectors.T * scale
     return root
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Limit BLAS to one thread within the block, or within a function that has this as a decorator.
+
+    The matrices of fits are small: threads of BLAS wait for each other longer than they compute, and they compete with
+    the threads of the core. On two processors `receptance diagnose` takes up to twice as long with them. SciPy has a
+    BLAS of its own, which fits do not use: it is not loaded for this.
+    """
+    try:
+        from threadpoolctl import threadpool_limits
+    except ImportError:  # scripts that have NumPy and SciPy alone
+        yield
+        return
+    with threadpool_limits(1, user_api="blas"):
+        yield

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
-from receptance._extras import require
-from receptance.errors import ReceptanceError
+from receptance.errors import ReceptanceError, require
 from receptance.fit.likelihood import require_likelihood
 from receptance.fit.problem import Problem
 from receptance.fit.result import Identification

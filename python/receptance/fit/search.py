@@ -100,7 +100,8 @@ def fit_direct(
         more, at = _continued(first, at)
         spent = spent + more
         problem.evaluations += few.evaluations
-        owners = _owners(first, problem.variables.limits)
+        largest_cost = _DIRECT_COST * min(end.cost for end in first)
+        owners = _owners([(end.cost, end.x) for end in first], problem.variables.limits, _KEPT, largest_cost)
     leaders = list(dict.fromkeys(owners.values()))
     ends = problem.fit(at[leaders], np.maximum(most - spent[leaders], 1), tolerance=tolerance) if leaders else []
     last = dict(zip(leaders, ends, strict=True))
@@ -138,16 +139,21 @@ def _continued(ends: Sequence[End], starts: NDArray[np.float64]) -> tuple[NDArra
     return np.array([end.evaluations for end in ends], dtype=np.int64), reached.reshape(starts.shape)
 
 
-def _owners(ends: Sequence[End], limits: NDArray[np.float64]) -> dict[int, int]:
-    """Return for every end that is refined the best end at the same optimum, possibly itself."""
+def _owners(
+    ends: Sequence[tuple[float, NDArray[np.float64]]],
+    limits: NDArray[np.float64],
+    most: int,
+    largest_cost: float = np.inf,
+) -> dict[int, int]:
+    """Return for ends with their costs the number of the best one at the same optimum, of the `most` best optima."""
     leaders: list[int] = []
     owners: dict[int, int] = {}
-    order = sorted((i for i, end in enumerate(ends) if np.isfinite(end.cost)), key=lambda i: ends[i].cost)
-    for i in order:
-        near = [j for j in leaders if np.max(np.abs(ends[i].x - ends[j].x) / (limits[1] - limits[0])) <= _SAME]
+    for i in sorted((i for i, (cost, _) in enumerate(ends) if np.isfinite(cost)), key=lambda i: ends[i][0]):
+        cost, x = ends[i]
+        near = [j for j in leaders if np.max(np.abs(x - ends[j][1]) / (limits[1] - limits[0])) <= _SAME]
         if near:
             owners[i] = near[0]
-        elif len(leaders) < _KEPT and ends[i].cost <= _DIRECT_COST * ends[order[0]].cost:
+        elif len(leaders) < most and cost <= largest_cost:
             leaders.append(i)
             owners[i] = i
     return owners
@@ -217,8 +223,7 @@ class Continuation:
                 values[:, column] = START_LOSS_FACTOR
             elif stiffness is not None:
                 values[:, column] = START_LOSS_FACTOR * values[:, stiffness] / self._angular
-        values = np.clip(values, [u.lower for u in self.variables.unknowns], [u.upper for u in self.variables.unknowns])
-        return self.variables.from_values(values)
+        return self.variables.from_values(np.clip(values, *self.variables.bounds))
 
     def fit_stiffness(self, starts: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """Fit stiffnesses with damping held: through broad resonances, and through peaks.
@@ -343,15 +348,9 @@ def different_ends(
     ends: Sequence[tuple[float, NDArray[np.float64]]], task: Task, most: int
 ) -> list[tuple[float, NDArray[np.float64]]]:
     """Return the best distinct ends and their costs; errors do not distinguish ends."""
-    low, high = task.variables.limits[:, : task.parameters.count]
-    kept: list[tuple[float, NDArray[np.float64]]] = []
-    for cost, x in sorted((end for end in ends if np.isfinite(end[0])), key=lambda end: end[0]):
-        if len(kept) == most:
-            break
-        values = x[: low.size]
-        if all(np.max(np.abs(values - other[: low.size]) / (high - low)) > _SAME for _, other in kept):
-            kept.append((cost, x))
-    return kept
+    count = task.parameters.count
+    owners = _owners([(cost, x[:count]) for cost, x in ends], task.variables.limits[:, :count], most)
+    return [ends[i] for i in dict.fromkeys(owners.values())]
 
 
 def smeared(observation: Observation, width: float) -> Observation | None:

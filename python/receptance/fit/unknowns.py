@@ -146,7 +146,7 @@ class Unknown:
                 raise TypeError(f"{owner}: prior is {self.prior!r}, expected a Prior")
             if scale == "log" and self.prior.mean <= 0.0:
                 raise ValueError(f"{owner}: the prior's mean is {self.prior.mean:g}, expected more than zero")
-        chosen = listed(owner, self.configurations)
+        chosen = names_of_configurations(owner, self.configurations)
         title = self.name or self.address + ("" if chosen is None else f" @ {', '.join(chosen)}")
         _checks.set_fields(self, {"lower": lower, "upper": upper, "start": start, "scale": scale})
         _checks.set_fields(self, {"configurations": chosen, "name": title})
@@ -213,7 +213,7 @@ def as_unknowns(unknowns: Unknowns, *, least: int = 1) -> tuple[Unknown, ...]:
     return _checks.items("unknowns", objects, Unknown, least=least)
 
 
-def listed(owner: str, configurations: str | Sequence[str] | None) -> tuple[str, ...] | None:
+def names_of_configurations(owner: str, configurations: str | Sequence[str] | None) -> tuple[str, ...] | None:
     """Return names of configurations as a tuple; None means all."""
     if configurations is None:
         return None
@@ -423,7 +423,7 @@ class Tolerance:
         for address, deviation in moves.items():
             if deviation == 0.0:
                 raise ValueError(f"{owner}: the standard deviation of {address} is 0, expected another number")
-        configurations, labels = (listed(owner, names) for names in (self.configurations, self.labels))
+        configurations, labels = (names_of_configurations(owner, names) for names in (self.configurations, self.labels))
         _checks.set_fields(self, {"moves": moves, "configurations": configurations, "labels": labels})
 
 
@@ -508,10 +508,26 @@ class Variables:
         return np.array([unknown.scale == "log" for unknown in self.unknowns])
 
     @cached_property
+    def bounds(self) -> NDArray[np.float64]:
+        """Lower and upper bounds of the values, `(2, p)`."""
+        return np.array([[unknown.lower, unknown.upper] for unknown in self.unknowns]).reshape(-1, 2).T
+
+    @cached_property
     def limits(self) -> NDArray[np.float64]:
         """Lower and upper bounds of the variables, `(2, p)`."""
-        bounds = [[unknown.lower for unknown in self.unknowns], [unknown.upper for unknown in self.unknowns]]
-        return np.array([self.from_values(np.array(side)) for side in bounds])
+        return np.array([self.from_values(side) for side in self.bounds])
+
+    @cached_property
+    def priors(self) -> NDArray[np.float64]:
+        """The priors as residuals a x - b of variables x: rows of the variable's number, a and b, `(k, 3)`."""
+        rows = []
+        for i, unknown in enumerate(self.unknowns):
+            if unknown.prior is not None:
+                deviation, mean = unknown.prior.standard_deviation, unknown.prior.mean
+                logarithmic = unknown.scale == "log"
+                slope, offset = (math.log(10.0), math.log(mean)) if logarithmic else (1.0, mean)
+                rows.append((i, slope / deviation, offset / deviation))
+        return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
     @cached_property
     def start(self) -> NDArray[np.float64]:
@@ -529,7 +545,7 @@ class Variables:
         result = variables.copy()
         np.power(10.0, variables, out=result, where=self.logarithmic)
         # Ten to the logarithm of a bound may exceed it by rounding.
-        return np.clip(result, [u.lower for u in self.unknowns], [u.upper for u in self.unknowns])
+        return np.clip(result, *self.bounds)
 
     def slopes(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivative of the values with respect to the variables."""
@@ -552,11 +568,9 @@ class Variables:
         share = (ranks.T - share) / (starts - 1)
         drawn = low + (high - low) * share
         normal = special.ndtri(np.minimum(share, _LARGEST_SHARE))
-        for i, unknown in enumerate(self.unknowns):
-            if unknown.prior is not None:
-                scale = math.log(10.0) if unknown.scale == "log" else 1.0
-                middle = math.log10(unknown.prior.mean) if unknown.scale == "log" else unknown.prior.mean
-                drawn[:, i] = middle + unknown.prior.standard_deviation / scale * normal[:, i]
+        numbers, slopes, offsets = self.priors.T
+        numbers = numbers.astype(np.intp)
+        drawn[:, numbers] = (offsets + normal[:, numbers]) / slopes
         return np.vstack([self.start, np.clip(drawn, low, high)])
 
 

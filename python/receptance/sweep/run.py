@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
-from receptance._extras import require
+from receptance.errors import require
 from receptance.model.assembly import Assembly
 from receptance.sweep.candidates import Candidates
 from receptance.sweep.definition import Block, Definition, SweepError
