@@ -277,20 +277,15 @@ class Observation:
 
         Parameters
         ----------
-        assembly : Assembly
-            The measured assembly.
-        frf : FRF
-            The measurement.
         response, excitation : Coordinate, str or int, optional
             The entry, by coordinate, label or number, if there are several. A Coordinate for a side with one entry
             overrides the coordinate of the FRF. If neither gives a position, it is the tip.
         low_hz, high_hz : float, optional
             Only lines from `low_hz` to `high_hz`, both included.
         floor : float or Floor, optional
-            Standard deviation of the logarithm of model errors, for example 0.003. Its square is added to the
-            variance. A `Floor` has a part that depends on the slope as well.
+            As in `Observation`, for example 0.003; a `Floor` has a part that depends on the slope as well.
         label : str, optional
-            Label in messages, tables and figures; by default that of the FRF.
+            By default that of the FRF.
         configuration, conditions, force, ends : optional
             As in `Observation`.
 
@@ -362,8 +357,6 @@ class Observation:
 
         Parameters
         ----------
-        assembly : Assembly
-            Measured assembly.
         frequency_hz : array_like, optional
             `(m,)` natural frequencies in Hz, ascending. They are compared with undamped ones, or, where damping ratios
             are given, with the magnitude of the complex eigenfrequencies. A hypothetical measurement has none.
@@ -375,7 +368,7 @@ class Observation:
             `(m,)` damping ratios, 0.01 for 1 %; NaN if unknown.
         standard_deviation_damping : array_like, optional
             Standard deviation of the damping ratios, one number or `(m,)`; required if frequencies have one.
-        label, configuration, conditions : optional
+        assembly, label, configuration, conditions : optional
             As in `Observation`.
 
         Raises

@@ -30,7 +30,7 @@ from receptance.fit.peaks import PredictedMode, match_peaks
 from receptance.fit.prediction import PredictedFrequencies, PredictedFRF, Scatter
 from receptance.fit.problem import End, Problem
 from receptance.fit.unknowns import Tolerance, Variables, error_of
-from receptance.model.addresses import MovingCoordinate
+from receptance.model.addresses import moved_coordinate
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.terminals import RESIDUALS, MeasuredPart, nearest_lines
@@ -319,7 +319,7 @@ class PredictedAssembly:
         stated one; draws are those of `receptance`.
         """
         places = (
-            MovingCoordinate(measured.assembly.elements, place).on(self.assembly.elements)
+            moved_coordinate(place, measured.assembly.elements, self.assembly.elements)
             for place in (measured.response, measured.excitation)
         )
         predicted = self.receptance(measured.frequency_hz, *places, force=measured.force, draws=draws, seed=seed)

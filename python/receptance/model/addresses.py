@@ -149,23 +149,15 @@ def points_of(elements: Mapping[str, Any], name: str, attachment: Attachment) ->
     return part, [place_on(elements, owner, part, x + offset)[1] for offset in attachment.offsets]
 
 
-class MovingCoordinate:
-    """A coordinate of an assembly that stays at an end of a segment when a length changes, elsewhere in place."""
-
-    def __init__(self, elements: Mapping[str, ChainElement], coordinate: Coordinate) -> None:
-        self._coordinate = coordinate
-        self._edge: int | None = None
-        part, x = place_on(elements, "coordinate", coordinate.part, coordinate.position)
-        edges = edges_of(elements[part])
-        if coordinate.position != "end" and x in edges:
-            self._edge = edges.index(x)
-
-    def on(self, elements: Mapping[str, ChainElement]) -> Coordinate:
-        """Return the coordinate on elements with other lengths."""
-        if self._edge is None:
-            return self._coordinate
-        part = self._coordinate.part or next(iter(elements))
-        return replace(self._coordinate, position=edges_of(elements[part])[self._edge])
+def moved_coordinate(
+    coordinate: Coordinate, elements: Mapping[str, ChainElement], others: Mapping[str, ChainElement]
+) -> Coordinate:
+    """Return a coordinate on elements as one on others with other lengths; it stays at an end of a segment."""
+    part, x = place_on(elements, "coordinate", coordinate.part, coordinate.position)
+    edges = edges_of(elements[part])
+    if coordinate.position == "end" or x not in edges:
+        return coordinate
+    return replace(coordinate, position=edges_of(others[part])[edges.index(x)])
 
 
 def listed(addresses: str | Sequence[str]) -> tuple[str, ...]:
