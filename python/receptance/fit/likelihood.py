@@ -22,7 +22,7 @@ from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.fit.problem import COST_TOLERANCE, End
 from receptance.fit.result import Identification
 from receptance.report import Column, Provenance, Result, Results, Table
-from receptance.report.table import amount, amount_interval
+from receptance.report.table import amount, amount_interval, percent
 
 _BETTER = 0.01
 """Decrease of the cost, in residual variances, from which on the fit was not the global optimum."""
@@ -231,24 +231,16 @@ def interval_statement(value: float, lower: float, upper: float, *, scale: str, 
     if open_below:
         return f"only an upper bound: {upper:.2g}{suffix}"
     if scale == "log":
-        return _log_statement(value, lower, upper, suffix)
+        factor = max(value / lower, upper / value)
+        if factor <= _FACTOR:
+            return f"determined to {percent(math.sqrt(upper / lower) - 1.0)}"
+        if upper / lower <= _WIDE:
+            return f"determined to a factor of {factor:.2g}{suffix}"
+        return f"poorly determined: between {lower:.2g} and {upper:.2g}{suffix}"
     half = 0.5 * (upper - lower)
     if lower <= 0.0 <= upper:
         return f"not distinguishable from zero: {lower:.2g} to {upper:.2g}{suffix}"
-    return f"determined to {_percent(half / abs(value))}" + (suffix if half > 0.5 * abs(value) else "")
-
-
-def _log_statement(value: float, lower: float, upper: float, suffix: str) -> str:
-    factor = max(value / lower, upper / value)
-    if factor <= _FACTOR:
-        return f"determined to {_percent(math.sqrt(upper / lower) - 1.0)}"
-    if upper / lower <= _WIDE:
-        return f"determined to a factor of {factor:.2g}{suffix}"
-    return f"poorly determined: between {lower:.2g} and {upper:.2g}{suffix}"
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.2g} %" if share < 0.995 else f"{100.0 * share:.0f} %"
+    return f"determined to {percent(half / abs(value))}" + (suffix if half > 0.5 * abs(value) else "")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -403,7 +395,7 @@ class _Profiler:
         before = self.problem.evaluations
         low, high = (self._side(index, sign) for sign in (-1.0, 1.0))
         unknown = self.variables.unknowns[index]
-        points = [*reversed(low.points), (self.best.x, 0.0), *high.points]
+        points = sorted([*low.points, (self.best.x, 0.0), *high.points], key=lambda point: float(point[0][index]))
         paths = np.array([point[0] for point in points])
         value = self._value(index, self.best.x[index])
         lower = self._value(index, low.end) if not low.open else (0.0 if unknown.scale == "log" else -np.inf)
@@ -464,10 +456,10 @@ class _Profiler:
             point = _ProfilePoint(fit, float(fit.x[index]), float(np.sqrt(rise)))
             points.append((fit.x, rise))
             if at == bound and point.root < target:
-                return _Side(_outwards(points, index, sign), bound, True)
+                return _Side(points, bound, True)
             # A flat side may stay just below the threshold, so a point below it is an end only inside a bracket.
             if abs(point.root - target) <= _END_TOLERANCE * target and (point.root >= target or outside is not None):
-                return _Side(_outwards(points, index, sign), point.at, False)
+                return _Side(points, point.at, False)
             if point.root < target:
                 growth = (target - point.root) / max(point.root - inside.root, 1e-3 * target) * distance
                 step = min(max(1.05 * growth, 0.2 * step), _GROWTH * max(step, distance))
@@ -477,7 +469,7 @@ class _Profiler:
             if outside is not None and abs(outside.at - inside.at) <= 1e-7 * float(np.ptp(self.limits[:, index])):
                 break
         end = inside.at if outside is None else _interpolate(inside, outside, target)
-        return _Side(_outwards(points, index, sign), end, outside is None)
+        return _Side(points, end, outside is None)
 
     def _first_step(self, index: int) -> float:
         """Return the standard error of a variable, at most a tenth of its range."""
@@ -542,8 +534,9 @@ class _ProfilePoint(NamedTuple):
     root: float
 
 
-@dataclass(frozen=True)
-class _Side:
+class _Side(NamedTuple):
+    """Points of a profile on one side, with their rises, the end of the interval, and whether it is open."""
+
     points: list[tuple[NDArray[np.float64], float]]
     end: float
     open: bool
@@ -560,13 +553,6 @@ def _conditional_slope(normal: NDArray[np.float64], index: int) -> NDArray[np.fl
         -np.linalg.solve(matrix / np.outer(scale, scale) + ridge, normal[others, index] / scale) / scale
     )
     return result
-
-
-def _outwards(
-    points: list[tuple[NDArray[np.float64], float]], index: int, sign: float
-) -> list[tuple[NDArray[np.float64], float]]:
-    """Return points in order of their distance from the optimum."""
-    return sorted(points, key=lambda point: sign * float(point[0][index]))
 
 
 def _interpolate(inside: _ProfilePoint, outside: _ProfilePoint, target: float) -> float:

@@ -231,5 +231,5 @@ class PredictedFRF:
         return f"PredictedFRF({self.frequency_hz.size} lines from {low:g} to {high:g} Hz)"
 
 
-def _coordinate(at: Coordinate) -> dict[str, Any]:
+def _coordinate(at: Coordinate) -> dict[str, str | float]:
     return {"part": at.part, "position_m": at.position, "direction": at.direction}

@@ -503,7 +503,7 @@ def _add_frequencies(core: _core.Problem, measured: Observation, mapping: Parame
     )
 
 
-def _equal(first: NDArray[Any] | None, second: NDArray[Any] | None) -> bool:
+def _equal(first: NDArray[np.float64] | None, second: NDArray[np.float64] | None) -> bool:
     """Return whether two arrays are equal, or both are None."""
     return first is second or (first is not None and second is not None and np.array_equal(first, second))
 

@@ -261,9 +261,7 @@ class Identification(Result):
 
     def determined(self, address: str) -> bool:
         """Return whether the 95 % interval of a value ends within the bounds of the unknown on at least one side."""
-        unknown = self.unknowns[self.index(address)]
-        low, high = self.interval(address)
-        return low > unknown.lower or high < unknown.upper
+        return any(end is not None for end in self.ends(address))
 
     def tables(self) -> list[Table]:
         """Return parameters, profile intervals, errors of tolerances and residuals."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any, Literal, TypeAlias
 
@@ -351,12 +351,7 @@ class Law(Unknown):
     def expanded(self, configurations: Sequence[str]) -> list[Unknown]:
         """Return the unknowns of the law for these configurations."""
         if self.free:
-            values = [self.base(self.name_in(configuration), (configuration,)) for configuration in configurations]
-            return [
-                replace(unknown, start=min(max(self.starts.get(name, start), self.lower), self.upper))
-                for name, unknown in zip(configurations, values, strict=True)
-                if (start := unknown.start) is not None
-            ]
+            return [self.base(self.name_in(name), (name,), self.starts.get(name)) for name in configurations]
         unknowns = [self.base(self.name, self.configurations)]
         unknowns += [power.exponent(self.name) for power in self.powers]
         if self.individual:
@@ -367,11 +362,12 @@ class Law(Unknown):
         """Return the name of the value or of the individual part of one configuration."""
         return f"{self.name} @ {configuration}"
 
-    def base(self, name: str, configurations: tuple[str, ...] | None) -> Unknown:
-        """Return the unknown of the value at the references."""
-        fields = ("address", "lower", "upper", "start", "scale", "prior", "multiple", "also")
+    def base(self, name: str, configurations: tuple[str, ...] | None, start: float | None = None) -> Unknown:
+        """Return the unknown of the value at the references; another start is moved within the bounds."""
+        start = self.start if start is None else min(max(start, self.lower), self.upper)
+        fields = ("address", "lower", "upper", "scale", "prior", "multiple", "also")
         values = {field: getattr(self, field) for field in fields}
-        return replace(Unknown(**values), name=name, configurations=configurations)
+        return Unknown(**values, start=start, name=name, configurations=configurations)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -36,7 +36,7 @@ _OF_MOTION: dict[str, type | tuple[type, ...]] = {"axial": (Part, PointJoint), "
 _SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
 
 
-def check_chain(elements: Sequence[Any], points: Sequence[Any], motion: str) -> None:
+def check_chain(elements: Sequence[ChainElement], points: Sequence[Attachment], motion: str) -> None:
     """Raise if the elements are not a chain from the tip to the far end, or a point is not a point element."""
     for index, element in enumerate(elements):
         if not isinstance(element, ChainElement):
@@ -94,7 +94,7 @@ def segment_fields(address: str, part: Part, rest: str) -> list[tuple[int, str]]
     return pairs
 
 
-def names_of(elements: Sequence[Any]) -> list[str]:
+def names_of(elements: Sequence[ChainElement | Attachment]) -> list[str]:
     """Return the names of elements, with default names for unnamed ones; raise for names that are no words or equal."""
     roles = [element.role for element in elements if not element.name]
     names: list[str] = []
@@ -121,7 +121,7 @@ def edges_of(part: Any) -> list[float]:
     return edges
 
 
-def place_on(elements: Mapping[str, Any], owner: str, part: str, position: float | str) -> tuple[str, float]:
+def place_on(elements: Mapping[str, ChainElement], owner: str, part: str, position: float | str) -> tuple[str, float]:
     """Return the name of the part and the position along it in m, rounded to an end of a segment within 1e-9 of it."""
     name = part or next(iter(elements))
     element = elements.get(name)
@@ -142,7 +142,7 @@ def place_on(elements: Mapping[str, Any], owner: str, part: str, position: float
     return name, x
 
 
-def points_of(elements: Mapping[str, Any], name: str, attachment: Attachment) -> tuple[str, list[float]]:
+def points_of(elements: Mapping[str, ChainElement], name: str, attachment: Attachment) -> tuple[str, list[float]]:
     """Return the name of the part and the positions in m at which an attachment acts."""
     owner = f"attachment {name!r}"
     part, x = place_on(elements, owner, attachment.part, attachment.position)

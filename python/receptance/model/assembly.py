@@ -552,7 +552,7 @@ def _material(material: Material) -> str:
     return material.name or constants
 
 
-def _values(element: Any) -> str:
+def _values(element: ChainElement | Attachment) -> str:
     texts = []
     for quantity in fields(element) if is_dataclass(element) else ():
         value = getattr(element, quantity.name)
