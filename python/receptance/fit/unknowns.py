@@ -40,14 +40,6 @@ PARAMETERS = {
 class Prior:
     """Gaussian prior of an unknown, on the scale of the fit.
 
-    Parameters
-    ----------
-    mean : float
-        Mean in SI units.
-    standard_deviation : float
-        In SI units on a linear scale. On a log scale of the natural logarithm: 0.1 is about 10 %, log(3) is a factor of
-        three.
-
     Raises
     ------
     TypeError, ValueError
@@ -63,7 +55,10 @@ class Prior:
     """
 
     mean: float
+    """Mean in SI units."""
     standard_deviation: float
+    """In SI units on a linear scale. On a log scale of the natural logarithm: 0.1 is about 10 %, log(3) is a factor of
+    three."""
 
     def __post_init__(self) -> None:
         mean = _checks.number("Prior", "mean", self.mean)
@@ -74,30 +69,6 @@ class Prior:
 @dataclass(frozen=True, kw_only=True)
 class Unknown:
     """A parameter to be identified.
-
-    Parameters
-    ----------
-    address : str
-        As in `Assembly.parameters`, or with `segment[*]`; the unknown is shared by all observations whose assembly has
-        the address.
-    lower, upper : float
-        Bounds in SI units.
-    start : float, optional
-        Start of the first fit; by default the middle of the bounds on the scale of the fit.
-    scale : {"log", "linear"}, optional
-        Whether log10 of the value or the value itself is fitted; by default the logarithm if the lower bound is above
-        zero.
-    prior : Prior, optional
-        Prior; by default uniform within the bounds.
-    configurations : str or sequence of str, optional
-        Configurations or labels of the observations that have the unknown; by default all.
-    name : str, optional
-        Name in results; by default the address, with the configurations if they are given.
-    multiple : float, optional
-        Ratio of the parameter at the address to the unknown.
-    also : mapping of str to float, optional
-        Other addresses and the ratios of their parameters to the unknown. An observed assembly must have at least one
-        of all addresses; the others may be in predicted assemblies.
 
     Raises
     ------
@@ -113,15 +84,27 @@ class Unknown:
     """
 
     address: str
+    """As in `Assembly.parameters`, or with `segment[*]`; the unknown is shared by all observations whose assembly has
+    the address."""
     lower: float
     upper: float
+    """Lower and upper bound in SI units."""
     start: float | None = None
+    """Start of the first fit; by default the middle of the bounds on the scale of the fit."""
     scale: Scale | None = None
+    """Whether log10 of the value or the value itself is fitted; by default the logarithm if the lower bound is above
+    zero."""
     prior: Prior | None = None
+    """Prior; by default uniform within the bounds."""
     configurations: tuple[str, ...] | None = None
+    """Configurations or labels of the observations that have the unknown, one name or several; by default all."""
     name: str = ""
+    """Name in results; by default the address, with the configurations if they are given."""
     multiple: float = 1.0
+    """Ratio of the parameter at the address to the unknown."""
     also: Mapping[str, float] = field(default_factory=dict)
+    """Other addresses and the ratios of their parameters to the unknown. An observed assembly must have at least one of
+    all addresses; the others may be in predicted assemblies."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.address, str):
@@ -241,20 +224,6 @@ def error_of(name: str) -> Unknown:
 class Power:
     """A power law (x / reference)^exponent of a condition, with an unknown exponent.
 
-    Parameters
-    ----------
-    of : str
-        Name of a condition of the observations ("torque", "drawbar force"), or an address of their assemblies
-        ("tool.segment[0].length").
-    reference : float
-        Value of the condition in SI units at which the parameter equals its unknown.
-    lower, upper : float, optional
-        Bounds of the exponent.
-    start : float, optional
-        Start of the first fit.
-    prior : Prior, optional
-        Prior of the exponent.
-
     Raises
     ------
     TypeError, ValueError
@@ -262,11 +231,17 @@ class Power:
     """
 
     of: str
+    """Name of a condition of the observations ("torque", "drawbar force"), or an address of their assemblies
+    ("tool.segment[0].length")."""
     reference: float
+    """Value of the condition in SI units at which the parameter equals its unknown."""
     lower: float = -4.0
     upper: float = 4.0
+    """Lower and upper bound of the exponent."""
     start: float = 0.0
+    """Start of the first fit."""
     prior: Prior | None = None
+    """Prior of the exponent."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.of, str) or not self.of:
@@ -287,29 +262,8 @@ class Power:
 class Law(Unknown):
     """A parameter to identify, and the relation of its values in several configurations.
 
-    The value in a configuration is that of the unknown, times powers of conditions, times an individual part.
-
-    Parameters
-    ----------
-    address, lower, upper, start, scale, prior, configurations, name
-        As in `Unknown`; they refer to the value at the references of the powers.
-    powers : Power or sequence of Power, optional
-        Powers of conditions. Their exponents are called `<name> ~ <condition>`.
-    free : bool, optional
-        Whether each configuration has its own value, called `<name> @ <configuration>`, with the same bounds, start and
-        prior.
-    along : str, optional
-        Name of a condition, for a free law. A configuration that was not fitted has the value that is interpolated
-        linearly between its two neighbours in this condition.
-    starts : mapping of str to float, optional
-        Starts of a free law in some configurations; the others start at `start`.
-    individual : float, optional
-        Standard deviation of the natural logarithm of an individual factor of every configuration: 0.05 if the
-        stiffness varies by 5 % between clampings. The factor is called `<name> @ <configuration>` and is counted in
-        these standard deviations. A configuration is one clamping here.
-    follows : mapping of str to float, optional
-        Further parameters by address that vary in proportion: they are multiplied by the powers and the individual
-        factor, raised to the given number. The number is 0.5 with each of two stiffnesses for their coupling term.
+    The value in a configuration is that of the unknown, times powers of conditions, times an individual part. The
+    fields of `Unknown` refer to the value at the references of the powers.
 
     Raises
     ------
@@ -325,11 +279,22 @@ class Law(Unknown):
     """
 
     powers: tuple[Power, ...] = ()
+    """Powers of conditions. Their exponents are called `<name> ~ <condition>`."""
     free: bool = False
+    """Whether each configuration has its own value, called `<name> @ <configuration>`, with the same bounds, start and
+    prior."""
     along: str = ""
+    """Name of a condition, for a free law. A configuration that was not fitted has the value that is interpolated
+    linearly between its two neighbours in this condition."""
     starts: Mapping[str, float] = field(default_factory=dict)
+    """Starts of a free law in some configurations; the others start at `start`."""
     individual: float = 0.0
+    """Standard deviation of the natural logarithm of an individual factor of every configuration: 0.05 if the stiffness
+    varies by 5 % between clampings. The factor is called `<name> @ <configuration>` and is counted in these standard
+    deviations. A configuration is one clamping here."""
     follows: Mapping[str, float] = field(default_factory=dict)
+    """Further parameters by address that vary in proportion: they are multiplied by the powers and the individual
+    factor, raised to the given number. The number is 0.5 with each of two stiffnesses for their coupling term."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -377,20 +342,6 @@ class Tolerance:
     It is fitted in units of its standard deviation, with a standard normal prior. Tolerances with the same name are one
     error in all observations and addresses.
 
-    Parameters
-    ----------
-    name : str
-        Name of the error.
-    moves : mapping of str to float
-        Addresses, possibly with `segment[*]`, and their standard deviations, in SI units or of the natural logarithm if
-        `relative`. A negative number has the opposite sign of the error.
-    relative : bool, optional
-        Whether the standard deviations are relative: 0.01 is 1 %.
-    configurations : str or sequence of str, optional
-        Configurations or labels of the observations that have the error; by default all that have the address.
-    labels : str or sequence of str, optional
-        Labels of the observations that have the error.
-
     Raises
     ------
     TypeError, ValueError
@@ -404,10 +355,17 @@ class Tolerance:
     """
 
     name: str
+    """Name of the error."""
     moves: Mapping[str, float]
+    """Addresses, possibly with `segment[*]`, and their standard deviations, in SI units or of the natural logarithm if
+    `relative`. A negative number has the opposite sign of the error."""
     relative: bool = False
+    """Whether the standard deviations are relative: 0.01 is 1 %."""
     configurations: tuple[str, ...] | None = None
+    """Configurations or labels of the observations that have the error, one name or several; by default all that have
+    the address."""
     labels: tuple[str, ...] | str | None = None
+    """Labels of the observations that have the error, one or several; by default all."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
@@ -429,20 +387,7 @@ class Move(Unknown):
 
     A parameter v becomes v exp(n u) if `relative`, else v + n u, with the unknown u and the given number n. Examples
     are a relative error of all moduli of a tool, a shift of the boundary between two segments, and the exponent of a
-    force level.
-
-    Parameters
-    ----------
-    address, lower, upper, start, prior, configurations, name
-        As in `Unknown`, but the address is a free name. The scale is linear.
-    moves : mapping of str to float
-        Addresses, possibly with `segment[*]`, and the numbers n.
-    relative : bool, optional
-        Whether the unknown is a natural logarithm.
-    of : str, optional
-        Name of a condition, or an address: n is multiplied by log(condition / reference) in observations that have it.
-    reference : float, optional
-        Value of this condition without a change.
+    force level. The address is a free name, and the scale is linear.
 
     Raises
     ------
@@ -459,9 +404,14 @@ class Move(Unknown):
     """
 
     moves: Mapping[str, float]
+    """Addresses, possibly with `segment[*]`, and the numbers n."""
     relative: bool = False
+    """Whether the unknown is a natural logarithm."""
     of: str = ""
+    """Name of a condition, or an address: n is multiplied by log(condition / reference) in observations that have
+    it."""
     reference: float = 1.0
+    """Value of this condition without a change."""
 
     def __post_init__(self) -> None:
         if self.scale is None:

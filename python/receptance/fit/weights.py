@@ -49,13 +49,6 @@ class Floor:
 
     Every line has them as independent errors.
 
-    Parameters
-    ----------
-    relative : float, optional
-        Standard deviation of the real and of the imaginary part of the logarithm, on every line.
-    frequency : float, optional
-        Relative standard deviation of the frequency of a line.
-
     Raises
     ------
     TypeError, ValueError
@@ -69,7 +62,9 @@ class Floor:
     """
 
     relative: float = 0.003
+    """Standard deviation of the real and of the imaginary part of the logarithm, on every line."""
     frequency: float = 1e-4
+    """Relative standard deviation of the frequency of a line."""
 
     def __post_init__(self) -> None:
         names = ("relative", "frequency")
