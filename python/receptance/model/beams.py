@@ -50,7 +50,7 @@ class Material(Element):
     name: Annotated[str, Field("name in reports and files")] = field(default="", compare=False)
 
     def __post_init__(self) -> None:
-        self.check()
+        super().__post_init__()
         if self.youngs_modulus < _SOFTEST:
             warn_user(
                 f"{self.owner}: youngs_modulus is {self.youngs_modulus:g} Pa, softer than rubber; give it in Pa, "
@@ -99,7 +99,7 @@ class _CircularSection(Element):
     ] = "cowper"
 
     def __post_init__(self) -> None:
-        self.check()
+        super().__post_init__()
         if self.inner_diameter >= self.outer_diameter:
             raise ValueError(
                 f"{self.owner}: inner_diameter is {self.inner_diameter:g} m, expected less than the outer diameter "
@@ -277,7 +277,7 @@ class SpreadJoint(Element):
     role = "joint"
 
     def __post_init__(self) -> None:
-        self.check()
+        super().__post_init__()
         owner, points = self.owner, self.points
         if self.sleeve.core is not None:
             raise ValueError(f"{owner}: sleeve has a core, expected an open bore for the shank")

@@ -26,7 +26,7 @@ class _Spring(Element):
     loss_factor: Annotated[float, Number(units.LOSS_FACTOR, "hysteretic loss factor of the stiffnesses")] = 0.0
 
     def __post_init__(self) -> None:
-        self.check()
+        super().__post_init__()
         for kind, part in (("k", "real"), ("c", "imaginary")):
             limit = math.sqrt(getattr(self, f"{kind}_y") * getattr(self, f"{kind}_theta"))
             value = getattr(self, f"{kind}_ytheta")
@@ -193,9 +193,6 @@ class PointMass(Element):
     role = "mass"
     offsets: ClassVar[tuple[float, ...]] = (0.0,)
 
-    def __post_init__(self) -> None:
-        self.check()
-
 
 @dataclass(frozen=True, kw_only=True)
 class Resonator(Element):
@@ -228,9 +225,6 @@ class Resonator(Element):
 
     role = "resonator"
     offsets: ClassVar[tuple[float, ...]] = (0.0,)
-
-    def __post_init__(self) -> None:
-        self.check()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -278,7 +272,7 @@ class ColletJoint(Element):
     role = "joint"
 
     def __post_init__(self) -> None:
-        self.check()
+        super().__post_init__()
         for side in ("inner", "outer"):
             getattr(self, side).check_motion("bending")
         # Addresses use the name of the field.

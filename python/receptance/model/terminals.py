@@ -149,7 +149,7 @@ class MeasuredPart(Terminal):
             _check_finite(owner, "covariance", covariance)
             arrays["covariance"] = covariance
         _checks.set_fields(self, arrays)
-        self.check()
+        super().__post_init__()
 
     def entries(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
@@ -350,7 +350,7 @@ class Mode(Element):
     theta_imaginary: Annotated[float, Number(units.MODE_SLOPE, "imaginary part of the rotation of the shape")] = 0.0
 
     def __post_init__(self) -> None:
-        self.check()
+        super().__post_init__()
         if (self.y_imaginary or self.theta_imaginary) and (self.frequency_hz == 0.0 or self.damping_ratio >= 1.0):
             raise ValueError(
                 f"Mode: at {self.frequency_hz:g} Hz with a damping ratio of {self.damping_ratio:g} the mode does "
@@ -409,7 +409,7 @@ class ModalPart(Terminal):
 
     def __post_init__(self) -> None:
         _checks.set_fields(self, {"modes": _checks.items(f"{self.owner}: modes", self.modes, Mode)})
-        self.check()
+        super().__post_init__()
         if self.band_hz is not None:
             low, high = (_checks.not_negative(self.owner, "band_hz", value, unit="Hz") for value in self.band_hz)
             if not low < high:
