@@ -229,7 +229,7 @@ def test_mistakes_give_messages(make: Any, words: str) -> None:
 def test_results_too_large_for_memory_are_refused_before_any_work() -> None:
     many = Sampled({"joint.k_y": stats.loguniform(1e7, 1e9)}, count=10**7, seed=0)
     with pytest.raises(SweepError, match="give store="):
-        Memory(Definition.of(pair(), many, FrequencyResponse(frequency_hz=LINES)), None)
+        Memory(Definition(pair(), many, FrequencyResponse(frequency_hz=LINES)), None)
 
 
 def test_progress_is_reported_after_each_block() -> None:
@@ -251,7 +251,7 @@ def test_block_duration_is_limited() -> None:
         StableDepth(cut=cut, frequency_hz=LINES, speeds_rpm=speeds),
     ):
         for models in (pair(), {"one": pair(), "other": pair(0.12)}):
-            block = Definition.of(models, Grid({"joint.k_y": [1e7, 1e8]}), output).block_size()
+            block = Definition(models, Grid({"joint.k_y": [1e7, 1e8]}), output).block_size()
             count = len(models) if isinstance(models, dict) and output.per_assembly else 1
             assert block * output.candidate_s * count <= 0.5
             blocks.append(block)

@@ -10,7 +10,7 @@ import numpy as np
 
 from receptance import _checks, units
 from receptance.errors import warn_user
-from receptance.model.fields import Choice, Count, Element, Field, Member, Number
+from receptance.model.fields import Choice, Count, Element, Field, Member, Name, Number
 
 _SOFTEST = 1e5
 """Young's modulus in Pa below which a wrong unit is suspected."""
@@ -270,9 +270,7 @@ class SpreadJoint(Element):
             column=True,
         ),
     ] = None
-    name: Annotated[
-        str, Field("first word of the addresses of its parameters, as in `joint.k_y` or `joint.shank.outer_diameter`")
-    ] = field(default="", compare=False)
+    name: Name = field(default="", compare=False)
 
     role = "joint"
 

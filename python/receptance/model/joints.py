@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core, units
-from receptance.model.fields import AttachedPart, AttachedPosition, Count, Element, Field, Member, Name, Number, Numbers
+from receptance.model.fields import AttachedPart, AttachedPosition, Count, Element, Member, Name, Number, Numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,9 +265,7 @@ class ColletJoint(Element):
     ]
     mass: Annotated[float, Number(units.MASS, "mass of the collet, a rigid body at a point")] = 0.0
     inertia: Annotated[float, Number(units.INERTIA, "moment of inertia about its centre in the plane of bending")] = 0.0
-    name: Annotated[
-        str, Field("first word of the addresses of its parameters, as in `joint.inner.k_y` or `joint.mass`")
-    ] = field(default="", compare=False)
+    name: Name = field(default="", compare=False)
 
     role = "joint"
 
@@ -373,9 +371,7 @@ class MicroslipJoint(_Spring):
             parameter=False,
         ),
     ] = None
-    name: Annotated[str, Field("first word of the addresses of its parameters, as in `joint.slip_y`")] = field(
-        default="", compare=False
-    )
+    name: Name = field(default="", compare=False)
 
     role = "joint"
     amplitude_of: ClassVar[tuple[str, ...]]

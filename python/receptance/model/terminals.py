@@ -15,7 +15,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core, units
-from receptance.model.fields import Element, Field, Number
+from receptance.model.fields import Element, Field, Name, Number
 from receptance.report.table import percent
 
 RESIDUALS = ("residual_y", "residual_theta", "residual_ytheta")
@@ -50,9 +50,7 @@ class Terminal(Element, ABC):
     residual_y: Annotated[float, Number(units.RECEPTANCE, "receptance added to y over force")] = 0.0
     residual_theta: Annotated[float, Number(units.ROTATIONAL_RECEPTANCE, "receptance added to theta over moment")] = 0.0
     residual_ytheta: Annotated[float, Number(units.COUPLING_RECEPTANCE, "receptance added to y over moment")] = 0.0
-    name: Annotated[str, Field("first word of the addresses of its parameters, as in `spindle.residual_y`")] = field(
-        default="", compare=False
-    )
+    name: Name = field(default="", compare=False)
 
     def receptance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the receptance at the plane, `(n, 2, 2)` over (y, theta): y/F, y/M, theta/F and theta/M, SI units.
