@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from typing import Literal, TypedDict
 
@@ -13,7 +12,7 @@ from scipy import special
 
 from receptance import _checks
 from receptance._text import first_of
-from receptance.errors import ReceptanceError, ReceptanceWarning
+from receptance.errors import ReceptanceError, warn_user
 from receptance.fit.covariance import covariance_of, variance_factor
 from receptance.fit.observation import Observation, Unit, as_observations
 from receptance.fit.parameters import Parameters
@@ -265,7 +264,7 @@ def _weight_notes(observed: Sequence[Observation], units: list[Unit], objective:
             "receptances and natural frequencies have no standard deviations: 1 % of a frequency weighs as much as 1 % "
             "of the receptance on one line; give standard deviations to weigh them by their precision"
         )
-        warnings.warn(notes[-1], ReceptanceWarning, stacklevel=3)
+        warn_user(notes[-1])
     return notes
 
 

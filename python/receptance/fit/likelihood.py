@@ -8,7 +8,6 @@ are a confidence interval. Unlike a standard error it accounts for bounds, curva
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from receptance import _checks
-from receptance.errors import ReceptanceError, ReceptanceWarning
+from receptance.errors import ReceptanceError, warn_user
 from receptance.fit.problem import COST_TOLERANCE, End
 from receptance.fit.result import Identification
 from receptance.report import Column, Provenance, Result, Results, Table
@@ -131,8 +130,7 @@ def constrained_fit(fit: Identification, values: Mapping[str, float], *, starts:
     end = min(problem.fit(np.array(begun), free=free, least=COST_TOLERANCE), key=lambda run: run.cost)
     rise = 2.0 * (end.cost - best.cost) / variance if np.isfinite(end.cost) and variance > 0.0 else np.inf
     if rise < -_BETTER:
-        text = "the constrained fit found a better optimum than the fit: identify with more starts"
-        warnings.warn(text, ReceptanceWarning, stacklevel=2)
+        warn_user("the constrained fit found a better optimum than the fit: identify with more starts")
     rise = max(float(rise), 0.0)
     others = variables.to_values(end.x)
     return ConstrainedFit(
@@ -369,8 +367,7 @@ def profile_likelihoods(
                 profiles[name] = profiler.profile(name)
         except BetterOptimumError as error:
             start = error.better.x
-            text = "a better optimum than that of the fit was found while profiling: identify with more starts"
-            warnings.warn(text, ReceptanceWarning, stacklevel=3)
+            warn_user("a better optimum than that of the fit was found while profiling: identify with more starts")
         else:
             return Profiles(profiles, provenance=fit.provenance)
     raise ReceptanceError(f"profiling found a better optimum {_RESTARTS} times: identify with more starts")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
-from receptance.errors import ReceptanceWarning
+from receptance.errors import warn_user
 from receptance.fit.parameters import FACTORS, Site
 from receptance.fit.weights import Floor, Noise, as_floor, low_frequency_notes
 from receptance.frf import FRF
@@ -184,11 +183,7 @@ class Observation:
         notes = tuple(map(str, notes))
         if lines.size and lines[0].real == 0.0:
             notes = (*notes, f"{owner}: the line at 0 Hz is dropped")
-            warnings.warn(
-                f"{owner}: the line at 0 Hz is dropped, a free structure has no receptance there",
-                ReceptanceWarning,
-                stacklevel=2,
-            )
+            warn_user(f"{notes[-1]}, a free structure has no receptance there")
             per_line = {name: array[1:] for name, array in per_line.items()}
         stated = per_line.pop("standard_deviation", None)
         lines = _decaying(owner, _checks.frequencies(per_line["frequency_hz"], owner))
@@ -609,7 +604,7 @@ def _usable(frf: FRF, label: str, low_hz: float | None, high_hz: float | None) -
     entry = with_variance(frf)
     if unused := unused_coherence(entry):
         notes.append(unused)
-        warnings.warn(f"{frf!r}: {unused}", ReceptanceWarning, stacklevel=3)
+        warn_user(f"{frf!r}: {unused}")
     # The band is selected first, so that a line at 0 Hz outside of it causes no note.
     entry = entry.select(low_hz=low_hz, high_hz=high_hz).masked().to("receptance")
     usable = entry.frequency_hz > 0.0

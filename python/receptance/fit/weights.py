@@ -16,14 +16,13 @@ model far below those of any measurement appear as effects.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
-from receptance.errors import ReceptanceWarning
+from receptance.errors import warn_user
 from receptance.frf.plausibility import low_frequency_rise
 from receptance.frf.variance import LINES_AT_ONCE, additive_share, lines_around, resolution
 
@@ -185,7 +184,7 @@ class Noise:
                     f"{owner}: {cause}, so they would have infinite weight; give a floor, floor=0.003 for example"
                 )
             notes.append(f"{cause}: the floor of {floor} is the only standard deviation")
-            warnings.warn(f"{owner}: {notes[-1]}", ReceptanceWarning, stacklevel=2)
+            warn_user(f"{owner}: {notes[-1]}")
         elif exact.any():
             variance = np.where(exact, least := resolution(variance), variance)
             notes.append(
