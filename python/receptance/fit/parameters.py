@@ -247,16 +247,13 @@ class Parameters:
             if not isinstance(unknown, Law):
                 values.append(unknown)
                 continue
-            seen = dict.fromkeys(p.configuration for p in sites if p.among(unknown.configurations))
-            configurations = [
-                name for name in seen if _has(unknown.address, [p for p in sites if p.configuration == name])
-            ]
-            individual = {unknown.name_in(name) for name in configurations} if unknown.individual else set()
-            for expanded in unknown.expanded(configurations):
-                if expanded.name in individual:
-                    errors[expanded.name] = expanded
-                else:
-                    values.append(expanded)
+            having = [site for site in sites if site.among(unknown.configurations) and site.covered(unknown.address)]
+            configurations = list(dict.fromkeys(site.configuration for site in having))
+            expanded = unknown.expanded(configurations)
+            # The individual parts are last, one for each configuration.
+            count = len(expanded) - (len(configurations) if unknown.individual else 0)
+            values += expanded[:count]
+            errors |= {error.name: error for error in expanded[count:]}
         for tolerance in self.tolerances:
             errors.setdefault(tolerance.name, error_of(tolerance.name))
         self.unknowns = (*values, *errors.values())
