@@ -78,7 +78,7 @@ def pytest_runtest_call() -> Generator[None, object, object]:
 @functools.cache
 def _without_extras() -> list[str]:
     """Return the modules of optional parts that are not installed."""
-    from receptance._extras import EXTRAS
+    from receptance.errors import EXTRAS
 
     return [name for modules in EXTRAS.values() for name in modules if importlib.util.find_spec(name) is None]
 

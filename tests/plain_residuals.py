@@ -10,7 +10,7 @@ from receptance import Assembly
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation, Unit
 from receptance.fit.parameters import DECAY_RATES, DELAY, END, FACTORS, LOG_GAIN, ParameterMap
-from receptance.model.addresses import MovingCoordinate
+from receptance.model.addresses import moved_coordinate
 
 
 def residual_and_jacobian(
@@ -29,7 +29,7 @@ def residual_and_jacobian(
 
 def of_receptance(frf: Any, unit: Unit, assembly: Assembly, own: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
     places = [
-        MovingCoordinate(frf.assembly.elements, place).on(assembly.elements) for place in (frf.response, frf.excitation)
+        moved_coordinate(place, frf.assembly.elements, assembly.elements) for place in (frf.response, frf.excitation)
     ]
     options = {"response": places[0], "excitation": places[1], "threads": 1}
     if frf.force is not None:

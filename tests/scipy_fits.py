@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 import plain_residuals
 from receptance.fit.parameters import Parameters
-from receptance.fit.problem import Task, prior_table
+from receptance.fit.problem import Task
 
 
 def task_of(observations: Any, unknowns: Any, unit: str = "logarithm", tolerances: Any = (), **settings: Any) -> Task:
@@ -30,7 +30,7 @@ def residual_and_jacobian(task: Task, x: np.ndarray) -> tuple[np.ndarray, np.nda
         row, slope = (np.array([np.inf]), np.zeros((1, x.size))) if found is None else found
         rows.append(row)
         slopes.append(slope * variables.slopes(values))
-    for variable, scale, offset in prior_table(variables.unknowns):
+    for variable, scale, offset in variables.priors:
         rows.append(np.array([scale * x[int(variable)] - offset]))
         slopes.append(scale * np.eye(x.size)[[int(variable)]])
     return np.concatenate(rows), np.vstack(slopes)

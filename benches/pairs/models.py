@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from numpy_reference.cases import JOINT, ten_segments, tool_and_holder
-from receptance import Assembly, Material, Part, PointJoint, Section, Segment, SpreadJoint
+from receptance import Assembly, Coordinate, Material, Part, PointJoint, Section, Segment, SpreadJoint
 
 Array = NDArray[Any]
 
@@ -44,6 +44,12 @@ def part(table: Array, name: str) -> Part:
         ],
         name=name,
     )
+
+
+def between_ends(free: Part, f: Array) -> Array:
+    """Return the receptance of a free part over y and theta of both ends, `(n, 4, 4)`."""
+    points = [Coordinate(position=position, direction=way) for position in (0.0, "end") for way in ("y", "theta")]
+    return Assembly([free]).receptance(f, response=points, excitation=points, threads=1)
 
 
 @cache

@@ -18,7 +18,7 @@ import numpy as np
 from numpy_reference.cases import JOINT, ten_segments
 from receptance import Assembly
 
-from .models import Array, coupled, part, sweep
+from .models import Array, between_ends, coupled, part, sweep
 from .pair import Pair, largest_difference
 
 PEERS = {"skrf": "scikit-rf", "sdynpy": "sdynpy", "ross": "ross-rotordynamics"}
@@ -91,8 +91,8 @@ def _module(name: str) -> Any:
 def parts(f: Array, w: Array) -> tuple[Array, Array]:
     """Return the tool (n, 3, 3), y at the tip, y and theta at the joint, and the holder with the joint (n, 2, 2)."""
     elements = coupled().elements
-    tool = elements["tool"].receptance(f, threads=1)[:, [0, 2, 3]][:, :, [0, 2, 3]]
-    holder = elements["holder"].receptance(f, threads=1)[:, :2, :2].copy()
+    tool = between_ends(elements["tool"], f)[:, [0, 2, 3]][:, :, [0, 2, 3]]
+    holder = between_ends(elements["holder"], f)[:, :2, :2].copy()
     holder[:, 0, 0] += 1 / (JOINT.k_y + 1j * w * JOINT.c_y)
     holder[:, 1, 1] += 1 / (JOINT.k_theta + 1j * w * JOINT.c_theta)
     return np.ascontiguousarray(tool), holder

@@ -15,25 +15,17 @@ from receptance.units import Form
 
 @dataclass(frozen=True)
 class Option:
-    """Declaration of an option of reading.
-
-    Parameters
-    ----------
-    text : str
-        Meaning, for the help of commands and the reference of campaigns.
-    value : str, optional
-        Placeholder of the value in the help; none for an option that is true or false.
-    option : str, optional
-        Name of the option of commands, if it is not that of the keyword.
-    frf_key, records_key : str or None, optional
-        Key of FRFs and of time records in a campaign; by default that of the keyword, None without one.
-    """
+    """Declaration of an option of reading."""
 
     text: str
+    """Meaning, for the help of commands and the reference of campaigns."""
     value: str = ""
+    """Placeholder of the value in the help; none for an option that is true or false."""
     option: str = ""
+    """Name of the option of commands, if it is not that of the keyword."""
     frf_key: str | None = ""
     records_key: str | None = ""
+    """Key of FRFs and of time records in a campaign; by default that of the keyword, None without one."""
 
 
 class ReadingOptions(TypedDict, total=False):

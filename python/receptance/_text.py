@@ -24,7 +24,7 @@ def printable(text: str) -> str:
     >>> print(printable("left" + chr(9) + "right"))
     left\tright
     """
-    return _CONTROL.sub(lambda found: ascii(found[0])[1:-1], text)
+    return _CONTROL.sub(lambda match: ascii(match[0])[1:-1], text)
 
 
 def shown(value: Any) -> str:
@@ -40,9 +40,9 @@ def shown(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
+def nearest(word: str, names: Iterable[str]) -> str:
     """Return the name that is similar to a word, or an empty text without one."""
-    folded = {choice.casefold(): choice for choice in known}
+    folded = {choice.casefold(): choice for choice in names}
     small = str(word).casefold()
     for choice in folded:
         if len(choice) == len(small) > 1 and sum(a != b for a, b in zip(choice, small, strict=True)) == 1:
@@ -51,7 +51,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
     return folded[near[0]] if near else ""
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
+def did_you_mean(word: str, names: Iterable[str]) -> str:
     """Return the question "did you mean" for a message, or an empty text without a similar name.
 
     Examples
@@ -60,13 +60,13 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     >>> did_you_mean("lenght", ["length", "outer_diameter"])
     ' (did you mean "length"?)'
     """
-    near = nearest(word, known)
+    near = nearest(word, names)
     return f' (did you mean "{near}"?)' if near else ""
 
 
-def one_of(known: Iterable[str]) -> str:
+def one_of(choices: Iterable[str]) -> str:
     """Return names as a list to append to "expected "."""
-    names = [f'"{name}"' for name in known]
+    names = [f'"{name}"' for name in choices]
     if not names:
         return "nothing: there is none"
     if len(names) == 1:
@@ -93,7 +93,7 @@ def join_names(names: Sequence[str]) -> str:
     return " and ".join(names) if len(names) < 3 else ", ".join(names[:-1]) + f" and {names[-1]}"
 
 
-def instead_of(name: str, known: Iterable[str]) -> str:
+def instead_of(name: str, names: Iterable[str]) -> str:
     """Return the names that are expected in place of an unknown one, and the nearest of them.
 
     Examples
@@ -102,5 +102,5 @@ def instead_of(name: str, known: Iterable[str]) -> str:
     >>> instead_of("stel", ["steel", "carbide"])
     ', expected one of "steel", "carbide" (did you mean "steel"?)'
     """
-    choices = list(known)
+    choices = list(names)
     return f", expected {one_of(choices)}{did_you_mean(name, choices)}"

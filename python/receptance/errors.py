@@ -1,5 +1,6 @@
-"""Exceptions and warnings of the library."""
+"""Exceptions and warnings of the library, and the check for packages of optional parts."""
 
+import importlib.util
 import sys
 import warnings
 
@@ -30,3 +31,29 @@ def warn_user(text: str) -> None:
     while frame is not None and frame.f_globals.get("__name__", "").split(".")[0] == "receptance":
         level, frame = level + 1, frame.f_back  # type: ignore[assignment]
     warnings.warn(text, ReceptanceWarning, stacklevel=level + 1)
+
+
+EXTRAS = {
+    "sweep": ("xarray", "zarr", "pandas"),
+    "hdf5": ("h5py",),
+    "sampling": ("emcee",),
+    "dask": ("distributed",),
+}
+"""Modules of each extra of the package, as in `pip install 'receptance[sweep]'`."""
+
+
+def require(extra: str, purpose: str, *modules: str) -> None:
+    """Raise a MissingExtraError if a package of an extra is not installed; nothing is imported.
+
+    The extra is a key of `EXTRAS`, of which `modules` are needed, by default all. `purpose` is the beginning of the
+    message, which names the missing packages and the command that installs them.
+
+    Examples
+    --------
+    >>> from receptance.errors import require
+    >>> require("hdf5", "an HDF5 file")
+    """
+    missing = [name for name in modules or EXTRAS[extra] if importlib.util.find_spec(name) is None]
+    if missing:
+        names = " and ".join(name.replace("_", "-") for name in missing)
+        raise MissingExtraError(f"{purpose} needs {names}: pip install 'receptance[{extra}]'")

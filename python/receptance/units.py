@@ -21,31 +21,6 @@ from typing import Any, Literal, get_args
 
 from receptance._text import did_you_mean, shown
 
-__all__ = [
-    "CHANNEL_UNITS",
-    "FORMS",
-    "FORM_NAMES",
-    "NUMBER",
-    "QUANTITIES",
-    "ROTATIONS",
-    "Dimension",
-    "FRFKind",
-    "Form",
-    "Quantity",
-    "Unit",
-    "UnitError",
-    "channel_factor",
-    "channel_kind",
-    "form_name",
-    "frf_kind",
-    "frf_unit",
-    "parse",
-    "parse_any",
-    "parse_unit",
-    "split",
-    "suggested_unit",
-]
-
 _DEFINITIONS = """
 pico- = 1e-12 = p-
 nano- = 1e-9 = n-
@@ -173,19 +148,19 @@ class _Expression:
         self._tokens: list[tuple[str, str]] = []
         place = 0
         while place < len(text.rstrip()):
-            found = _TOKEN.match(text, place)
-            if found is None:
+            match = _TOKEN.match(text, place)
+            if match is None:
                 raise UnitError("no part of a unit")
-            kind = str(found.lastgroup)
-            self._tokens.append((kind, found[kind]))
-            place = found.end()
+            kind = str(match.lastgroup)
+            self._tokens.append((kind, match[kind]))
+            place = match.end()
 
     def value(self) -> _Parts:
         """Return factor and dimension of the whole expression."""
-        found = self._product()
+        parts = self._product()
         if self._tokens:
             raise UnitError("a bracket that was not opened")
-        return found
+        return parts
 
     def _product(self) -> _Parts:
         factor, powers = self._operand()
@@ -193,8 +168,8 @@ class _Expression:
             over = self._tokens[0] == ("sign", "/")
             if over or self._tokens[0] == ("sign", "*"):
                 del self._tokens[0]
-            own, dimension = self._operand()
-            factor = factor / own if over else factor * own
+            size, dimension = self._operand()
+            factor = factor / size if over else factor * size
             for name, power in dimension.items():
                 powers[name] = powers.get(name, 0.0) + (-power if over else power)
         return factor, powers
@@ -227,7 +202,7 @@ def _registry() -> tuple[dict[str, _Parts], dict[str, float]]:
     for line in _DEFINITIONS.strip().splitlines():
         name, definition, *others = line.split(" = ")
         if name.endswith("-"):
-            prefixes |= {one.removesuffix("-"): float(definition) for one in (name, *others)}
+            prefixes |= {spelling.removesuffix("-"): float(definition) for spelling in (name, *others)}
             continue
         base = re.fullmatch(r"\[(\w+)\]", definition)
         value = (1.0, {base[1]: 1.0}) if base else _Expression(definition, units.__getitem__).value()
@@ -238,12 +213,12 @@ def _registry() -> tuple[dict[str, _Parts], dict[str, float]]:
 def _named(name: str) -> _Parts:
     """Return the unit of a name, which may have a prefix and end in the s of a plural."""
     units, prefixes = _registry()
-    for own in (name, name.removesuffix("s") if len(name) > _SHORTEST_NAME else name):
-        if own in units:
-            return units[own]
+    for singular in (name, name.removesuffix("s") if len(name) > _SHORTEST_NAME else name):
+        if singular in units:
+            return units[singular]
         for prefix, factor in prefixes.items():
-            if own.startswith(prefix) and (found := units.get(own.removeprefix(prefix))):
-                return factor * found[0], found[1]
+            if singular.startswith(prefix) and (unit := units.get(singular.removeprefix(prefix))):
+                return factor * unit[0], unit[1]
     raise UnitError(f"(unknown: {name!r})", name)
 
 
@@ -458,15 +433,15 @@ def channel_factor(owner: str, what: str, quantity: str, unit: str) -> float:
     if not unit.strip():
         raise ValueError(f"{owner}: {what} is {unit!r}, expected {expected}")
     try:
-        found = parse_unit(unit)
+        parsed = parse_unit(unit)
     except UnitError as error:
         raise ValueError(f"{owner}: {what} is no unit: {error}; expected {expected}") from None
-    if (kind := channel_kind(found)) is None or kind[0] != quantity:
+    if (kind := channel_kind(parsed)) is None or kind[0] != quantity:
         raise ValueError(
-            f"{owner}: {what} is {unit!r}, which is {_name_of(found.dimension)}, "
+            f"{owner}: {what} is {unit!r}, which is {_name_of(parsed.dimension)}, "
             f"expected {expected}{suggested_unit(unit)}"
         )
-    return found.factor
+    return parsed.factor
 
 
 # Quantities written as a number with a unit --------------------------------------------------------------------------
@@ -631,11 +606,11 @@ def parse_any(text: str) -> tuple[float, str]:
     if not unit:
         return number, ""
     expected = 'a unit without angle over time or offset, such as "Hz" or "K"'
-    found = _bare_unit(text, unit, expected)
-    powers = dict(found.dimension)
+    parsed = _bare_unit(text, unit, expected)
+    powers = dict(parsed.dimension)
     if "angle" in powers and "time" in powers and not powers.keys() & {"mass", "length"}:
         raise ValueError(f"is {shown(text)}, expected {expected}")
-    return number * found.factor, _si_unit(found.dimension)
+    return number * parsed.factor, _si_unit(parsed.dimension)
 
 
 def split(text: Any, expected: str) -> tuple[float, str]:
@@ -656,19 +631,19 @@ def split(text: Any, expected: str) -> tuple[float, str]:
 
 
 def _factor(text: str, unit: str, quantity: Quantity, expected: str) -> float:
-    found, wanted = _bare_unit(text, unit, expected), _read(quantity.unit)
-    powers = dict(found.dimension)
+    parsed, wanted = _bare_unit(text, unit, expected), _read(quantity.unit)
+    powers = dict(parsed.dimension)
     rate = _RATES.get(quantity.unit)
     hint = (
         f"; write it in {rate[0]}" if rate and powers.get("time") == -1 and powers.keys() <= {"angle", "time"} else ""
     )
     # An angle may be left out, as in "4e4 N m" for "4e4 N m/rad".
-    without = tuple(one for one in wanted.dimension if one[0] != "angle")
-    if found.dimension not in (wanted.dimension, wanted.dimension if rate else without):
-        raise ValueError(f"is {shown(text)}, {_name_of(found.dimension)}, expected {expected}{hint}")
+    without = tuple(power for power in wanted.dimension if power[0] != "angle")
+    if parsed.dimension not in (wanted.dimension, wanted.dimension if rate else without):
+        raise ValueError(f"is {shown(text)}, {_name_of(parsed.dimension)}, expected {expected}{hint}")
     if rate and not rate[1].fullmatch(unit):
         raise ValueError(f"is {shown(text)}, expected {expected}{hint}")
-    return found.factor / wanted.factor
+    return parsed.factor / wanted.factor
 
 
 def _bare_unit(text: str, unit: str, expected: str) -> Unit:
@@ -688,7 +663,7 @@ def _bare_unit(text: str, unit: str, expected: str) -> Unit:
 def _name_of(dimension: Dimension) -> str:
     """Return the name of a quantity of some dimension, for messages."""
     plain = {"a force": "N", "a moment": "N m", "an area": "m^2", "an acceleration": "m/s^2", "a velocity": "m/s"}
-    named = ((one.name.removesuffix(" or zero"), one.unit) for one in QUANTITIES if one.unit)
+    named = ((quantity.name.removesuffix(" or zero"), quantity.unit) for quantity in QUANTITIES if quantity.unit)
     for name, unit in (*plain.items(), *named):
         if _read(unit).dimension == dimension:
             return name

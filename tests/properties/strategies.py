@@ -98,6 +98,12 @@ def both_ends(assembly: Assembly) -> list[Coordinate]:
             Coordinate(last, "end", "y"), Coordinate(last, "end", "theta")]  # fmt: skip
 
 
+def between_ends(part: Part, f: np.ndarray, threads: int | None = None) -> np.ndarray:
+    """Return the receptance of a free part over y and theta of both ends, `(n, 4, 4)`."""
+    free = Assembly([part])
+    return free.receptance(f, response=both_ends(free), excitation=both_ends(free), threads=threads)
+
+
 def scaled(h: np.ndarray, lever: float) -> np.ndarray:
     """Return a matrix over (y, theta, y, theta, ...) with its rotations made displacements by a lever in m."""
     d = np.where(np.arange(h.shape[-1]) % 2 == 1, lever, 1.0)

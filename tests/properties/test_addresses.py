@@ -103,7 +103,12 @@ def bar_with_a_place(x: float) -> list[np.ndarray]:
     """Return the tables of a bar with a node at x that carries a mass."""
     pieces = [Segment(length=length, outer_diameter=0.012, material=STEEL) for length in (x, 0.1 - x)]
     mass = PointMass(mass=5e-3, inertia=1e-7)
-    return [Part(pieces).segment_rows(), np.zeros((0, 9)), np.array([[1.0, *mass.columns]]), np.zeros((0, 8))]
+    return [
+        Assembly([Part(pieces)]).flat().tables.segments,
+        np.zeros((0, 9)),
+        np.array([[1.0, *mass.columns]]),
+        np.zeros((0, 8)),
+    ]
 
 
 def test_derivative_by_position_is_that_of_adjacent_segments() -> None:

@@ -39,10 +39,9 @@ def test_rods_have_their_closed_forms(segment: Segment, f: np.ndarray) -> None:
         twist += material.shear_modulus * loss * polar
         mass += material.density * area
         inertia += material.density * polar
-    for stiffness, weight, found in (
-        (rigidity, mass, part.axial_receptance(f)),
-        (twist, inertia, part.torsional_receptance(f)),
-    ):
+    ends = [Coordinate(), Coordinate(position="end")]
+    for stiffness, weight, motion in ((rigidity, mass, "axial"), (twist, inertia, "torsion")):
+        found = Assembly([part], motion=motion).receptance(f, response=ends, excitation=ends)
         b = w * np.sqrt(weight / stiffness + 0j)
         same = -1 / (b * stiffness * np.tan(b * segment.length))
         cross = -1 / (b * stiffness * np.sin(b * segment.length))

@@ -144,5 +144,9 @@ def test_mistakes() -> None:
         k_y=1e8,
         k_theta=1e4,
     )
-    with pytest.raises(ValueError, match="supports bending only"):
+    with pytest.raises(ValueError, match="SpreadJoint, which has no axial motion"):
         Assembly([ROD, joint, ROD], motion="axial")
+    with pytest.raises(ValueError, match="PointJoint, which has no torsion motion"):
+        Assembly([ROD, PointJoint(k_y=1e8), ROD], motion="torsion")
+    with pytest.raises(ValueError, match="attachments have no torsion motion"):
+        Assembly([ROD], [GroundSpring(k_y=1.0)], motion="torsion")

@@ -20,7 +20,7 @@ import pytest
 
 import receptance
 from metrics import circles, exported_lazily, imports, modules
-from receptance._extras import EXTRAS
+from receptance.errors import EXTRAS
 
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = ROOT / "python" / "receptance"
@@ -129,7 +129,7 @@ def test_imported_packages_are_dependencies() -> None:
 
 
 def test_packages_of_extras_are_listed_in_both_places() -> None:
-    """`receptance._extras` names the extra in errors, pyproject.toml its packages."""
+    """`receptance.errors` names the extra in errors, pyproject.toml its packages."""
     extras = _toml("pyproject.toml")["project"]["optional-dependencies"]
     assert extras.keys() - {"all", "docs", "test"} == EXTRAS.keys()
     for extra, names in EXTRAS.items():

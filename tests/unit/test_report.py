@@ -190,8 +190,8 @@ def test_a_result_is_drawn_in_place_of_axes(fit: Identification) -> None:
         assert len(result.plot().axes) == panels
     with pytest.raises(ValueError, match="ax is not part of a grid"):
         profiles.plot(Figure().add_axes((0.1, 0.1, 0.8, 0.8)))
-    with pytest.raises(TypeError, match="there is no figure of a Part"):
-        Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)]).plot()
+    with pytest.raises(TypeError, match="there is no figure of a Found"):
+        Found().plot()
 
 
 def test_numbers_of_a_fit_are_in_all_forms(fit: Identification) -> None:

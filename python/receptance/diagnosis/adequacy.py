@@ -19,7 +19,7 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.diagnosis.wording import times
 from receptance.fit.observation import Observation
-from receptance.fit.problem import Task, prior_table
+from receptance.fit.problem import Task
 from receptance.fit.weights import Floor
 
 
@@ -187,7 +187,7 @@ def strain_of(task: Task, residual: NDArray[np.float64], root: NDArray[np.float6
     errors = residual[-len(names) :]
     scale = np.linalg.norm(root, axis=0)
     scaled = root / np.where(scale > 0.0, scale, 1.0)
-    columns, slopes, _ = prior_table(task.variables.unknowns).T
+    columns, slopes, _ = task.variables.priors.T
     own = columns.astype(np.intp)
     rows = np.zeros((len(names), scale.size))
     rows[np.arange(len(names)), own] = slopes / scale[own]

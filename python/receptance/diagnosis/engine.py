@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from receptance import _checks
-from receptance._threads import one_blas_thread
 from receptance.diagnosis.advice import advise
 from receptance.diagnosis.beside_discrepancy import select_beside
 from receptance.diagnosis.catalogue import resolve_causes
@@ -38,6 +37,7 @@ from receptance.diagnosis.verdict import Verdict
 from receptance.diagnosis.wording import implausible
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation
+from receptance.fit.problem import one_blas_thread
 from receptance.fit.unknowns import Tolerance, Unknowns, as_unknowns
 
 _FAST = (

@@ -105,7 +105,7 @@ def cell_grid(
     return figure, cells
 
 
-def left_out(responses: Sequence[Any], drawn: Sequence[Any]) -> str:
+def left_out(responses: Sequence[object], drawn: Sequence[object]) -> str:
     """Return how many responses are not drawn, for the end of a title."""
     rest = len(responses) - len(drawn)
     return f" ({rest} more responses are not drawn)" if rest > 0 else ""

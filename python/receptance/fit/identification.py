@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
-from typing import Literal, TypedDict, get_args
+from typing import Literal, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from scipy import special
 
 from receptance import _checks
 from receptance._text import first_of
-from receptance.errors import ReceptanceError, ReceptanceWarning
+from receptance.errors import ReceptanceError, warn_user
 from receptance.fit.covariance import covariance_of, variance_factor
 from receptance.fit.observation import Observation, Unit, as_observations
 from receptance.fit.parameters import Parameters
@@ -172,15 +171,11 @@ def identify(
     True
     """
     observed = as_observations(observations)
-    given = as_unknowns(unknowns)
-    parameters = Parameters(given, tolerances, [one.site(i) for i, one in enumerate(observed)])
-    for name, value, options in (
-        ("objective", objective, get_args(Objective)),
-        ("noise", noise, get_args(Noise)),
-        ("strategy", strategy, get_args(Strategy)),
-    ):
-        if value not in options:
-            raise ValueError(f"{name} is {value!r}, expected one of {', '.join(options)}")
+    sites = [observation.site(i) for i, observation in enumerate(observed)]
+    parameters = Parameters(as_unknowns(unknowns), tolerances, sites)
+    _checks.one_of("", "objective", objective, Objective)
+    _checks.one_of("", "noise", noise, Noise)
+    _checks.one_of("", "strategy", strategy, Strategy)
     if strategy == "staged" and objective != "log":
         raise ValueError('the strategy "staged" is for the objective "log"')
     for name, count, least in (("starts", starts, 1), ("seed", seed, 0), ("max_evaluations", max_evaluations, 1)):
@@ -189,8 +184,7 @@ def identify(
     _checks.thread_count(threads)
     chosen = None if bands is None else check_bands(bands)
     units = _units(observed, objective)
-    known = "standard deviations" in units
-    if not known and any(unknown.prior is not None for unknown in parameters.unknowns):
+    if "standard deviations" not in units and any(unknown.prior is not None for unknown in parameters.unknowns):
         raise ValueError(
             "priors and tolerances can only be weighed against observations with standard deviations: give all "
             'observations one, and the objective "log"'
@@ -217,45 +211,45 @@ def identify(
             )
         return conclude(task, problem, runs, loss=smoothing, seed=seed, notes=list(notes))
 
-    found = fit(task, problem)
+    result = fit(task, problem)
     # The priors of fitted errors are residuals, so chi-square has as many degrees of freedom as there are independent
     # numbers minus unknowns without a prior.
     left = task.independent_values - free
-    if noise == "stated" or not parameters.errors or not contradicts(_chi_square(found), left):
-        return found
+    if noise == "stated" or not parameters.errors or not contradicts(_chi_square(result), left):
+        return result
     # Secant steps for the logarithm of chi-square over that of the factor.
     factor, slope = 1.0, -2.0
     for _ in range(_MAX_RESCALINGS):
-        ratio = _chi_square(found) / left
+        ratio = _chi_square(result) / left
         if abs(ratio - 1.0) < _CHI_SQUARE_TOLERANCE:
             break
         last = (factor, ratio)
         factor = max(factor * ratio ** (-1.0 / slope), 1.0)
         rescaled = task.noisier(factor)
-        found = fit(rescaled, rescaled.problem(smoothing=smoothing))
+        result = fit(rescaled, rescaled.problem(smoothing=smoothing))
         if factor != last[0]:
-            slope = math.log(max(_chi_square(found) / left, 1e-9) / last[1]) / math.log(factor / last[0])
+            slope = math.log(max(_chi_square(result) / left, 1e-9) / last[1]) / math.log(factor / last[0])
             slope = min(max(slope, -2.0), _MAX_SLOPE)
-    return found
+    return result
 
 
-def _chi_square(found: Identification) -> float:
+def _chi_square(fit: Identification) -> float:
     """Return the sum of squares of residuals and priors at the best end."""
-    return 2.0 * min(run.cost for run in found.starts)
+    return 2.0 * min(run.cost for run in fit.starts)
 
 
 def _units(observed: Sequence[Observation], objective: Objective) -> list[Unit]:
     """Return the unit of the residuals of each observation."""
     if objective == "percentage":
         return ["percent"] * len(observed)
-    known = [observation.weighted for observation in observed]
-    if any(known) and not all(known):
-        with_, without = observed[known.index(True)], observed[known.index(False)]
+    weighted = [observation.weighted for observation in observed]
+    if any(weighted) and not all(weighted):
+        with_, without = observed[weighted.index(True)], observed[weighted.index(False)]
         raise ValueError(
             f"{with_!r} has a standard deviation but {without!r} has none, so their weights are unknown; give all "
             "observations one, or none"
         )
-    if all(known):
+    if all(weighted):
         return ["standard deviations"] * len(observed)
     units: list[Unit] = [observation.unit for observation in observed]
     return ["percent"] * len(units) if set(units) == {"relative"} else units
@@ -270,7 +264,7 @@ def _weight_notes(observed: Sequence[Observation], units: list[Unit], objective:
             "receptances and natural frequencies have no standard deviations: 1 % of a frequency weighs as much as 1 % "
             "of the receptance on one line; give standard deviations to weigh them by their precision"
         )
-        warnings.warn(notes[-1], ReceptanceWarning, stacklevel=3)
+        warn_user(notes[-1])
     return notes
 
 
@@ -285,12 +279,12 @@ def conclude(
 ) -> Identification:
     """Return the result of the best run."""
     variables, observed = problem.variables, task.observed
-    known = "standard deviations" in task.units
+    weighted = "standard deviations" in task.units
     count = len(variables.unknowns)
     best = min(runs, key=lambda run: run.cost)
     inverse, correlation = covariance_of(problem.curvature_root(best.variables))
     residual = problem.value(best.variables)
-    factor = 1.0 if known else variance_factor(residual, count, loss)
+    factor = 1.0 if weighted else variance_factor(residual, count, loss)
     # Infinite elements stay infinite if the factor is zero.
     covariance = np.full_like(inverse, np.inf)
     if np.isfinite(factor):
@@ -300,7 +294,7 @@ def conclude(
     # Residuals are reported in the stated standard deviations.
     parts = [task.noise_factor * part for part in problem.parts(residual)]
     same, elsewhere = _count_optima(runs, best, variables, residual.size, np.sqrt(np.diag(covariance)))
-    if not known and residual.size == count:
+    if not weighted and residual.size == count:
         notes.append(
             "there are as many unknowns as observed numbers, so the scatter cannot be estimated and the standard "
             "errors are infinite: give the observations standard deviations"
@@ -309,7 +303,7 @@ def conclude(
     if lost:
         notes.append(f"the model has no value at {len(lost)} of {len(runs)} starts; at the first: {lost[0].message}")
     bounds = _bound_advice(best.variables, variables, task.parameters.errors)
-    rejection = _rejection(parts, task.independent_values, task.noise_factor) if known else []
+    rejection = _rejection(parts, task.independent_values, task.noise_factor) if weighted else []
     rejection += _convergence(best)
     if rejection:
         # Of an accepted fit, data may limit a value from one side only.
@@ -325,7 +319,7 @@ def conclude(
         rejection=tuple(rejection),
         advice=[
             *rejection,
-            *(_overfit_advice(parts, task.independent_values, count) if known else ()),
+            *(_overfit_advice(parts, task.independent_values, count) if weighted else ()),
             *_start_advice(runs, same, elsewhere),
             *bounds,
             *_covariance_advice(inverse, correlation, variables.names),

@@ -8,7 +8,6 @@ are a confidence interval. Unlike a standard error it accounts for bounds, curva
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -18,11 +17,11 @@ from numpy.typing import NDArray
 from scipy import special
 
 from receptance import _checks
-from receptance.errors import ReceptanceError, ReceptanceWarning
+from receptance.errors import ReceptanceError, warn_user
 from receptance.fit.problem import COST_TOLERANCE, End
 from receptance.fit.result import Identification
 from receptance.report import Column, Provenance, Result, Results, Table
-from receptance.report.table import amount, amount_interval
+from receptance.report.table import amount, amount_interval, percent
 
 _BETTER = 0.01
 """Decrease of the cost, in residual variances, from which on the fit was not the global optimum."""
@@ -46,16 +45,11 @@ _TIED_RANGE = 0.02
 """Least path of that parameter as a share of its range."""
 
 
-def require_likelihood(found: Identification) -> None:
+def require_likelihood(fit: Identification) -> None:
     """Raise ValueError if receptances were fitted with the percentage objective."""
-    pairs = zip(found.units, found.task.observed, strict=True)
+    pairs = zip(fit.units, fit.task.observed, strict=True)
     if any(unit == "percent" and observation.is_receptance for unit, observation in pairs):
         raise ValueError("the percentage objective is no likelihood: identify with the objective 'log'")
-
-
-def residual_variance(found: Identification, cost: float) -> float:
-    """Return the variance of a residual: 1 with given standard deviations, otherwise from the least cost."""
-    return 1.0 if found.known_scatter else 2.0 * cost / max(found.degrees_of_freedom, 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,11 +71,11 @@ class ConstrainedFit:
         return self.p_value < 1.0 - level
 
     def __repr__(self) -> str:
-        given = ", ".join(f"{name}={value:.4g}" for name, value in self.values.items())
-        return f"ConstrainedFit({given}: rise {self.rise:.3g}, p = {self.p_value:.2g})"
+        held = ", ".join(f"{name}={value:.4g}" for name, value in self.values.items())
+        return f"ConstrainedFit({held}: rise {self.rise:.3g}, p = {self.p_value:.2g})"
 
 
-def constrained_fit(found: Identification, values: Mapping[str, float], *, starts: int = 8) -> ConstrainedFit:
+def constrained_fit(fit: Identification, values: Mapping[str, float], *, starts: int = 8) -> ConstrainedFit:
     """Fit all other parameters with some at given values, and test the values by the likelihood ratio.
 
     A profile holds one parameter; this tests a set of several values at once. Errors of tolerances are fitted within
@@ -89,7 +83,7 @@ def constrained_fit(found: Identification, values: Mapping[str, float], *, start
 
     Parameters
     ----------
-    found : Identification
+    fit : Identification
         From `identify`, with the objective "log".
     values : mapping of str to float
         Values by name, in SI units, within the bounds of the fit.
@@ -104,51 +98,46 @@ def constrained_fit(found: Identification, values: Mapping[str, float], *, start
 
     Examples
     --------
-    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
+    >>> from receptance import STEEL, Assembly, Observation, Part, Segment, identify
     >>> from receptance.fit import constrained_fit
-    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
-    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-    >>> modes = Observation.from_modes(
-    ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=2.0
-    ... )
-    >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
-    >>> [constrained_fit(found, {"joint.k_theta": k}).rejected() for k in (1.001e5, 1.1e5)]
+    >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
+    >>> rung = Observation.from_modes(assembly=bar, frequency_hz=bar.natural_frequencies(3e4), standard_deviation_hz=5)
+    >>> fit = identify(rung, {"bar.segment[0].youngs_modulus": (1e11, 3e11)})
+    >>> [constrained_fit(fit, {"bar.segment[0].youngs_modulus": e}).rejected() for e in (2.101e11, 2.11e11)]
     [False, True]
     """
     if not values:
         raise ValueError("values is empty, expected at least one parameter and its value")
-    require_likelihood(found)
-    problem = found.task.problem()
+    require_likelihood(fit)
+    problem = fit.task.problem()
     variables = problem.variables
-    given = found.vector.copy()
-    free = np.ones(given.size, dtype=np.bool_)
+    held = np.array(list(fit.values.values()))
+    free = np.ones(held.size, dtype=np.bool_)
     for name, value in values.items():
-        index = found.index(name)
+        index = fit.index(name)
         unknown = variables.unknowns[index]
         number = _checks.number("constrained_fit", name, value)
         if not unknown.lower <= number <= unknown.upper:
             raise ValueError(
                 f"constrained_fit: {name} is {number:g}, outside the bounds {unknown.lower:g} to {unknown.upper:g}"
             )
-        given[index] = np.log10(number) if unknown.scale == "log" else number
-        free[index] = False
-    best = problem.fit_one(found.vector, least=1e-9)
-    variance = residual_variance(found, best.cost)
+        held[index], free[index] = number, False
+    start, best = variables.from_values(held), problem.fit_one(fit.vector, least=1e-9)
+    variance = fit.variance_of_residuals(best.cost)
     # Errors start at their fitted values.
-    drawn = free & (np.arange(given.size) < found.task.parameters.count)
-    begun = [given, *(np.where(drawn, x, given) for x in variables.draw(max(starts, 1), found.seed)[1:])]
-    end = min(problem.fit(np.array(begun), free=free, least=COST_TOLERANCE), key=lambda one: one.cost)
+    drawn = free & (np.arange(start.size) < fit.task.parameters.count)
+    begun = [start, *(np.where(drawn, x, start) for x in variables.draw(max(starts, 1), fit.seed)[1:])]
+    end = min(problem.fit(np.array(begun), free=free, least=COST_TOLERANCE), key=lambda run: run.cost)
     rise = 2.0 * (end.cost - best.cost) / variance if np.isfinite(end.cost) and variance > 0.0 else np.inf
     if rise < -_BETTER:
-        text = "the constrained fit found a better optimum than the fit: identify with more starts"
-        warnings.warn(text, ReceptanceWarning, stacklevel=2)
+        warn_user("the constrained fit found a better optimum than the fit: identify with more starts")
     rise = max(float(rise), 0.0)
     others = variables.to_values(end.x)
     return ConstrainedFit(
         values={name: float(value) for name, value in values.items()},
-        others={name: float(others[i]) for i, name in enumerate(found.addresses) if free[i]},
+        others={name: float(others[i]) for i, name in enumerate(fit.addresses) if free[i]},
         rise=rise,
-        p_value=_p_value(rise, len(values), None if found.known_scatter else found.degrees_of_freedom),
+        p_value=_p_value(rise, len(values), None if fit.known_scatter else fit.degrees_of_freedom),
     )
 
 
@@ -161,23 +150,14 @@ def _p_value(rise: float, count: int, degrees_of_freedom: int | None) -> float:
     return float(special.fdtrc(count, max(degrees_of_freedom, 1), rise / count))
 
 
-def log_evidence(found: Identification) -> float:
+def log_evidence(fit: Identification) -> float:
     """Return the natural logarithm of the evidence, by Laplace's approximation at the fit.
 
     It compares models, such as laws, that are fitted to the same observations with the same standard deviations;
     factors that depend on these alone are omitted. The prior of an unknown without one is uniform within its bounds,
     on the scale of the fit; errors and individual parts are standard normal. A difference of 3 is a factor of 20 in
-    probability, a difference of 10 is decisive.
-
-    Parameters
-    ----------
-    found : Identification
-        From `identify` with known standard deviations and the objective "log".
-
-    Returns
-    -------
-    float
-        NaN if the data do not determine a parameter: the approximation needs a peak of the likelihood.
+    probability, a difference of 10 is decisive. The result is NaN if the data do not determine a parameter: the
+    approximation needs a peak of the likelihood.
 
     Raises
     ------
@@ -186,7 +166,7 @@ def log_evidence(found: Identification) -> float:
 
     Examples
     --------
-    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
+    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, identify
     >>> from receptance.fit import Law, Power, log_evidence
     >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
     >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
@@ -206,26 +186,22 @@ def log_evidence(found: Identification) -> float:
     >>> power > constant + 10.0
     True
     """
-    if not found.known_scatter:
+    if not fit.known_scatter:
         raise ValueError("evidence needs standard deviations: give the observations them, and the objective 'log'")
-    problem = found.task.problem()
-    residual = problem.residual(found.vector)
+    problem = fit.task.problem()
+    residual = problem.residual(fit.vector)
     # A factor on the standard deviations divides the density of each independent number.
-    total = -0.5 * float(residual @ residual) - found.task.independent_values * math.log(found.noise_factor)
+    total = -0.5 * float(residual @ residual) - fit.task.independent_values * math.log(fit.noise_factor)
     low, high = problem.variables.limits
-    for i, unknown in enumerate(found.unknowns):
-        if unknown.prior is None:
-            total -= math.log(float(high[i] - low[i]))
-        else:
-            # A prior on a log scale is one of the natural logarithm, and the variable is the decimal one.
-            deviation = unknown.prior.standard_deviation / (math.log(10.0) if unknown.scale == "log" else 1.0)
-            total -= 0.5 * math.log(2.0 * math.pi) + math.log(deviation)
-    if not np.isfinite(found.covariance).all():
+    slopes = problem.variables.priors[:, 1]
+    total += float(np.sum(np.log(slopes))) - 0.5 * slopes.size * math.log(2.0 * math.pi)
+    total -= sum(math.log(high[i] - low[i]) for i, unknown in enumerate(fit.unknowns) if unknown.prior is None)
+    if not np.isfinite(fit.covariance).all():
         return float("nan")
-    sign, logarithm = np.linalg.slogdet(found.covariance)
+    sign, logarithm = np.linalg.slogdet(fit.covariance)
     if sign <= 0.0:
         return float("nan")
-    return total + 0.5 * len(found.unknowns) * math.log(2.0 * math.pi) + 0.5 * float(logarithm)
+    return total + 0.5 * len(fit.unknowns) * math.log(2.0 * math.pi) + 0.5 * float(logarithm)
 
 
 def interval_statement(value: float, lower: float, upper: float, *, scale: str, tied_to: str = "") -> str:
@@ -253,24 +229,16 @@ def interval_statement(value: float, lower: float, upper: float, *, scale: str, 
     if open_below:
         return f"only an upper bound: {upper:.2g}{suffix}"
     if scale == "log":
-        return _log_statement(value, lower, upper, suffix)
+        factor = max(value / lower, upper / value)
+        if factor <= _FACTOR:
+            return f"determined to {percent(math.sqrt(upper / lower) - 1.0)}"
+        if upper / lower <= _WIDE:
+            return f"determined to a factor of {factor:.2g}{suffix}"
+        return f"poorly determined: between {lower:.2g} and {upper:.2g}{suffix}"
     half = 0.5 * (upper - lower)
     if lower <= 0.0 <= upper:
         return f"not distinguishable from zero: {lower:.2g} to {upper:.2g}{suffix}"
-    return f"determined to {_percent(half / abs(value))}" + (suffix if half > 0.5 * abs(value) else "")
-
-
-def _log_statement(value: float, lower: float, upper: float, suffix: str) -> str:
-    factor = max(value / lower, upper / value)
-    if factor <= _FACTOR:
-        return f"determined to {_percent(math.sqrt(upper / lower) - 1.0)}"
-    if upper / lower <= _WIDE:
-        return f"determined to a factor of {factor:.2g}{suffix}"
-    return f"poorly determined: between {lower:.2g} and {upper:.2g}{suffix}"
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.2g} %" if share < 0.995 else f"{100.0 * share:.0f} %"
+    return f"determined to {percent(half / abs(value))}" + (suffix if half > 0.5 * abs(value) else "")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -347,7 +315,7 @@ class Profiles(Results[Profile]):
 
 
 def profile_likelihoods(
-    found: Identification,
+    fit: Identification,
     names: str | Sequence[str] | None = None,
     *,
     level: float = 0.95,
@@ -359,7 +327,7 @@ def profile_likelihoods(
 
     Parameters
     ----------
-    found : Identification
+    fit : Identification
         From `identify`, with the objective "log".
     names : str or sequence of str, optional
         Parameters; by default all but the errors of tolerances.
@@ -368,11 +336,6 @@ def profile_likelihoods(
     progress : callable, optional
         Called with a progress message.
 
-    Returns
-    -------
-    Profiles
-        Mapping of names to `Profile`, which is itself a result with `summary` and `plot`.
-
     Raises
     ------
     ValueError
@@ -380,26 +343,22 @@ def profile_likelihoods(
 
     Examples
     --------
-    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
+    >>> from receptance import STEEL, Assembly, Observation, Part, Segment, identify
     >>> from receptance.fit import profile_likelihoods
-    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
-    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-    >>> modes = Observation.from_modes(
-    ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=2.0
-    ... )
-    >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
-    >>> profile_likelihoods(found)
-    Profiles({'joint.k_theta': Profile(joint.k_theta: determined to 0.81 %)})
+    >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
+    >>> rung = Observation.from_modes(assembly=bar, frequency_hz=bar.natural_frequencies(3e4), standard_deviation_hz=5)
+    >>> profile_likelihoods(identify(rung, {"bar.segment[0].youngs_modulus": (1e11, 3e11)}))
+    Profiles({'bar.segment[0].youngs_modulus': Profile(bar.segment[0].youngs_modulus: determined to 0.09 %)})
     """
     if names is None:
-        names = [name for name in found.addresses if name not in found.errors]
+        names = [name for name in fit.addresses if name not in fit.errors]
     chosen = [names] if isinstance(names, str) else list(names)
     for name in chosen:
-        found.index(name)
-    require_likelihood(found)
-    start = found.vector
+        fit.index(name)
+    require_likelihood(fit)
+    start = fit.vector
     for _ in range(_RESTARTS):
-        profiler = _Profiler(found, level, start)
+        profiler = _Profiler(fit, level, start)
         profiles: dict[str, Profile] = {}
         try:
             for name in chosen:
@@ -408,33 +367,32 @@ def profile_likelihoods(
                 profiles[name] = profiler.profile(name)
         except BetterOptimumError as error:
             start = error.better.x
-            text = "a better optimum than that of the fit was found while profiling: identify with more starts"
-            warnings.warn(text, ReceptanceWarning, stacklevel=3)
+            warn_user("a better optimum than that of the fit was found while profiling: identify with more starts")
         else:
-            return Profiles(profiles, provenance=found.provenance)
+            return Profiles(profiles, provenance=fit.provenance)
     raise ReceptanceError(f"profiling found a better optimum {_RESTARTS} times: identify with more starts")
 
 
 class _Profiler:
     """Constrained fits around one optimum."""
 
-    def __init__(self, found: Identification, level: float, start: NDArray[np.float64]) -> None:
-        self.found = found
+    def __init__(self, identification: Identification, level: float, start: NDArray[np.float64]) -> None:
+        self.identification = identification
         self.level = level
-        self.problem = found.task.problem()
+        self.problem = identification.task.problem()
         self.variables = self.problem.variables
         self.limits = self.variables.limits
         self.best = self.problem.fit_one(start, least=1e-12)
-        self.variance = residual_variance(found, self.best.cost)
-        self.threshold = found.confidence_multiplier(level) ** 2
+        self.variance = identification.variance_of_residuals(self.best.cost)
+        self.threshold = identification.confidence_multiplier(level) ** 2
 
     def profile(self, name: str) -> Profile:
         """Profile one parameter."""
-        index = self.found.index(name)
+        index = self.identification.index(name)
         before = self.problem.evaluations
         low, high = (self._side(index, sign) for sign in (-1.0, 1.0))
         unknown = self.variables.unknowns[index]
-        points = [*reversed(low.points), (self.best.x, 0.0), *high.points]
+        points = sorted([*low.points, (self.best.x, 0.0), *high.points], key=lambda point: float(point[0][index]))
         paths = np.array([point[0] for point in points])
         value = self._value(index, self.best.x[index])
         lower = self._value(index, low.end) if not low.open else (0.0 if unknown.scale == "log" else -np.inf)
@@ -495,10 +453,10 @@ class _Profiler:
             point = _ProfilePoint(fit, float(fit.x[index]), float(np.sqrt(rise)))
             points.append((fit.x, rise))
             if at == bound and point.root < target:
-                return _Side(_outwards(points, index, sign), bound, True)
+                return _Side(points, bound, True)
             # A flat side may stay just below the threshold, so a point below it is an end only inside a bracket.
             if abs(point.root - target) <= _END_TOLERANCE * target and (point.root >= target or outside is not None):
-                return _Side(_outwards(points, index, sign), point.at, False)
+                return _Side(points, point.at, False)
             if point.root < target:
                 growth = (target - point.root) / max(point.root - inside.root, 1e-3 * target) * distance
                 step = min(max(1.05 * growth, 0.2 * step), _GROWTH * max(step, distance))
@@ -508,7 +466,7 @@ class _Profiler:
             if outside is not None and abs(outside.at - inside.at) <= 1e-7 * float(np.ptp(self.limits[:, index])):
                 break
         end = inside.at if outside is None else _interpolate(inside, outside, target)
-        return _Side(_outwards(points, index, sign), end, outside is None)
+        return _Side(points, end, outside is None)
 
     def _first_step(self, index: int) -> float:
         """Return the standard error of a variable, at most a tenth of its range."""
@@ -544,7 +502,7 @@ class _Profiler:
 
     def _tied_to(self, index: int, paths: NDArray[np.float64]) -> str:
         """Return the name of the parameter that compensates the profiled one most, if any does."""
-        count = self.found.task.parameters.count
+        count = self.identification.task.parameters.count
         conditional = 1.0 / np.sqrt(np.maximum(np.diag(self.best.curvature) / max(self.variance, 1e-300), 1e-300))
         path = np.ptp(paths[:, :count], axis=0)
         share = path / np.ptp(self.limits[:, :count], axis=0)
@@ -554,7 +512,7 @@ class _Profiler:
         other = int(relative.argmax()) if relative.size else 0
         if not relative.size or relative[other] < _TIED:
             return ""
-        return self.found.addresses[other]
+        return self.identification.addresses[other]
 
 
 class BetterOptimumError(Exception):
@@ -573,8 +531,9 @@ class _ProfilePoint(NamedTuple):
     root: float
 
 
-@dataclass(frozen=True)
-class _Side:
+class _Side(NamedTuple):
+    """Points of a profile on one side, with their rises, the end of the interval, and whether it is open."""
+
     points: list[tuple[NDArray[np.float64], float]]
     end: float
     open: bool
@@ -591,13 +550,6 @@ def _conditional_slope(normal: NDArray[np.float64], index: int) -> NDArray[np.fl
         -np.linalg.solve(matrix / np.outer(scale, scale) + ridge, normal[others, index] / scale) / scale
     )
     return result
-
-
-def _outwards(
-    points: list[tuple[NDArray[np.float64], float]], index: int, sign: float
-) -> list[tuple[NDArray[np.float64], float]]:
-    """Return points in order of their distance from the optimum."""
-    return sorted(points, key=lambda point: sign * float(point[0][index]))
 
 
 def _interpolate(inside: _ProfilePoint, outside: _ProfilePoint, target: float) -> float:

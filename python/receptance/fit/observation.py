@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
-from receptance.errors import ReceptanceWarning
+from receptance.errors import warn_user
 from receptance.fit.parameters import FACTORS, Site
 from receptance.fit.weights import Floor, Noise, as_floor
 from receptance.frf import FRF
@@ -185,11 +184,7 @@ class Observation:
         notes = tuple(map(str, notes))
         if lines.size and lines[0].real == 0.0:
             notes = (*notes, f"{owner}: the line at 0 Hz is dropped")
-            warnings.warn(
-                f"{owner}: the line at 0 Hz is dropped, a free structure has no receptance there",
-                ReceptanceWarning,
-                stacklevel=2,
-            )
+            warn_user(f"{notes[-1]}, a free structure has no receptance there")
             per_line = {name: array[1:] for name, array in per_line.items()}
         stated = per_line.pop("standard_deviation", None)
         lines = _decaying(owner, _checks.frequencies(per_line["frequency_hz"], owner))
@@ -278,20 +273,15 @@ class Observation:
 
         Parameters
         ----------
-        assembly : Assembly
-            The measured assembly.
-        frf : FRF
-            The measurement.
         response, excitation : Coordinate, str or int, optional
             The entry, by coordinate, label or number, if there are several. A Coordinate for a side with one entry
             overrides the coordinate of the FRF. If neither gives a position, it is the tip.
         low_hz, high_hz : float, optional
             Only lines from `low_hz` to `high_hz`, both included.
         floor : float or Floor, optional
-            Standard deviation of the logarithm of model errors, for example 0.003. Its square is added to the
-            variance. A `Floor` has a part that depends on the slope as well.
+            As in `Observation`, for example 0.003; a `Floor` has a part that depends on the slope as well.
         label : str, optional
-            Label in messages, tables and figures; by default that of the FRF.
+            By default that of the FRF.
         configuration, conditions, force, ends : optional
             As in `Observation`.
 
@@ -367,8 +357,6 @@ class Observation:
 
         Parameters
         ----------
-        assembly : Assembly
-            Measured assembly.
         frequency_hz : array_like, optional
             `(m,)` natural frequencies in Hz, ascending. They are compared with undamped ones, or, where damping ratios
             are given, with the magnitude of the complex eigenfrequencies. A hypothetical measurement has none.
@@ -380,7 +368,7 @@ class Observation:
             `(m,)` damping ratios, 0.01 for 1 %; NaN if unknown.
         standard_deviation_damping : array_like, optional
             Standard deviation of the damping ratios, one number or `(m,)`; required if frequencies have one.
-        label, configuration, conditions : optional
+        assembly, label, configuration, conditions : optional
             As in `Observation`.
 
         Raises
@@ -575,9 +563,9 @@ class Observation:
         return f"{self.frequency_hz.size} lines from {low:g} to {high:g} Hz"
 
 
-def as_observations(given: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
+def as_observations(observed: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
     """Return one observation or several with values as a tuple, or raise."""
-    observations = _checks.items("observations", given, Observation)
+    observations = _checks.items("observations", observed, Observation)
     for observation in observations:
         if not observation.has_values:
             raise ValueError(f"{observation!r} has no values, expected a measurement")
@@ -688,18 +676,18 @@ def _damping(
     values = np.atleast_1d(_checks.numbers(owner, "damping_ratio", ratio, "iuf", "real numbers")).astype(np.float64)
     if values.shape != shape:
         raise ValueError(f"{owner}: damping_ratio has shape {values.shape}, expected {shape}, one for each frequency")
-    known = ~np.isnan(values)
-    bad = np.flatnonzero(known & ~((values >= 0.0) & (values < 1.0)))
+    stated = ~np.isnan(values)
+    bad = np.flatnonzero(stated & ~((values >= 0.0) & (values < 1.0)))
     if bad.size:
         raise ValueError(f"{owner}: damping_ratio[{bad[0]}] is {values[bad[0]]:g}, expected 0 or more and less than 1")
-    if not known.any():
+    if not stated.any():
         raise ValueError(f"{owner}: damping_ratio has no number, expected at least one, or None")
     if (deviation is not None) != weighed:
-        given, missing = "frequencies", "damping_ratio"
+        weighted, missing = "frequencies", "damping_ratio"
         if not weighed:
-            given, missing = missing, given
+            weighted, missing = missing, weighted
         raise ValueError(
-            f"{owner}: {given} has standard deviations and {missing} has none, so their weights are unknown; give "
+            f"{owner}: {weighted} has standard deviations and {missing} has none, so their weights are unknown; give "
             "both, or neither"
         )
     return values, None if deviation is None else _checks.by_line(owner, "standard_deviation_damping", deviation, shape)

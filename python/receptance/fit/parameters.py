@@ -14,10 +14,11 @@ from __future__ import annotations
 
 import copy
 import math
+from collections import defaultdict
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,14 +74,17 @@ class Site:
         elif covered(name, self.assembly):
             value = self.assembly.get(name)
         else:
-            known = ", ".join(self.conditions) or "none"
             raise ValueError(
                 f"{owner}: {self.configuration or self.assembly!r} has no condition {name!r} and no such address; its "
-                f"conditions are: {known}"
+                f"conditions are: {', '.join(self.conditions) or 'none'}"
             )
         if not value > 0.0:
             raise ValueError(f"{owner}: the condition {name!r} is {value:g}, expected more than zero for a power law")
         return value
+
+
+_SparseRows = dict[str, dict[int, float]]
+"""Coefficients by address and column."""
 
 
 class _Parts(NamedTuple):
@@ -97,90 +101,74 @@ class ParameterMap:
 
     addresses: tuple[str, ...]
     """The `m` variable parameters; `segment[*]` is expanded."""
-    base: NDArray[np.intp]
-    """`(m,)` index of the unknown in b; -1 for none."""
-    scale: NDArray[np.float64]
-    """`(m,)` factor of this unknown."""
     fixed: NDArray[np.float64]
-    """`(m,)` value of b without an unknown."""
+    """`(m,)` value of b without an unknown; zero with one."""
+    multiples: NDArray[np.float64]
+    """`(m, p)` factors of the unknowns in b, at most two: two neighbouring configurations are interpolated."""
     exponents: NDArray[np.float64]
     """`(m, p)` E."""
     shifts: NDArray[np.float64]
     """`(m, p)` S."""
-    second: NDArray[np.intp]
-    """`(m,)` index of a second unknown that is added in b, to interpolate between two configurations; -1 for none."""
-    share: NDArray[np.float64]
-    """`(m,)` its factor."""
 
     @classmethod
     def plain(cls, assembly: Assembly, addresses: Sequence[str]) -> ParameterMap:
         """Return the parameters of addresses, each an unknown; the assemblies may lack some of them."""
-        own = [(name, i) for i, address in enumerate(addresses) for name in sorted(covered(address, assembly))]
-        count, none = len(own), np.zeros((len(own), len(addresses)))
-        return cls(
-            addresses=tuple(name for name, _ in own),
-            base=np.array([i for _, i in own], dtype=np.intp),
-            scale=np.ones(count),
-            fixed=np.zeros(count),
-            exponents=none,
-            shifts=none,
-            second=np.full(count, -1, dtype=np.intp),
-            share=np.zeros(count),
-        )
+        numbers = {name: i for i, address in enumerate(addresses) for name in sorted(covered(address, assembly))}
+        multiples = np.eye(len(addresses))[list(numbers.values())]
+        none = np.zeros_like(multiples)
+        return cls(tuple(numbers), np.zeros(len(numbers)), multiples, none, none)
 
     @classmethod
     def linear(cls, addresses: Sequence[str], values: NDArray[np.float64], slopes: NDArray[np.float64]) -> ParameterMap:
         """Return parameters `values + slopes @ unknowns`."""
-        count = len(addresses)
-        return cls(
-            addresses=tuple(addresses),
-            base=np.full(count, -1, dtype=np.intp),
-            scale=np.ones(count),
-            fixed=values,
-            exponents=np.zeros_like(slopes),
-            shifts=slopes,
-            second=np.full(count, -1, dtype=np.intp),
-            share=np.zeros(count),
+        none = np.zeros_like(slopes)
+        return cls(tuple(addresses), values, none, none, slopes)
+
+    @cached_property
+    def bases(self) -> NDArray[np.intp]:
+        """`(m, 2)` indices of the unknowns in b; -1 for none."""
+        rows, columns = np.nonzero(self.multiples)
+        first, last = np.full((2, len(self.addresses)), -1)
+        first[rows[::-1]], last[rows] = columns[::-1], columns
+        return np.column_stack([first, np.where(last == first, -1, last)])
+
+    @cached_property
+    def based(self) -> frozenset[str]:
+        """Addresses with an unknown in b."""
+        return frozenset(
+            name for name, base in zip(self.addresses, self.bases[:, 0].tolist(), strict=True) if base >= 0
         )
 
     @cached_property
     def table(self) -> NDArray[np.float64]:
         """`(m, 4 + 2 p)` rows of the core: base, its factor or value, second, share, exponents and shifts."""
-        first = np.where(self.base >= 0, self.scale, self.fixed)
-        columns = [self.base, first, self.second, self.share, self.exponents, self.shifts]
+        rows, (first, second) = np.arange(len(self.addresses)), self.bases.T
+        padded = np.column_stack([self.multiples, np.zeros(rows.size)])
+        value = np.where(first >= 0, padded[rows, first], self.fixed)
+        columns = [first, value, second, padded[rows, second], self.exponents, self.shifts]
         return np.ascontiguousarray(np.column_stack(columns), dtype=np.float64)
-
-    def _before(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return b."""
-        first = np.where(self.base >= 0, self.scale * unknowns[self.base], self.fixed)
-        found: NDArray[np.float64] = first + np.where(self.second >= 0, self.share * unknowns[self.second], 0.0)
-        return found
 
     def values(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the values of the addresses in SI units, `(m,)`."""
-        result: NDArray[np.float64] = (
-            self._before(unknowns) * np.exp(self.exponents @ unknowns) + self.shifts @ unknowns
-        )
-        return result
+        _, scaled, shifts = self.parts(unknowns)
+        return scaled + shifts
 
     def jacobian(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return their derivatives with respect to the values of the unknowns, `(m, p)`."""
-        factor = np.exp(self.exponents @ unknowns)
-        result = (self._before(unknowns) * factor)[:, None] * self.exponents + self.shifts
-        for column, scale in ((self.base, self.scale), (self.second, self.share)):
-            own = np.flatnonzero(column >= 0)
-            result[own, column[own]] += factor[own] * scale[own]
+        factor, scaled, _ = self.parts(unknowns)
+        result: NDArray[np.float64] = factor[:, None] * self.multiples + scaled[:, None] * self.exponents + self.shifts
         return result
 
     def widened(self, count: int) -> ParameterMap:
         """Return the same functions of more unknowns, `count` of them, of which the further ones have no effect."""
         more = ((0, 0), (0, count - self.exponents.shape[1]))
-        return replace(self, exponents=np.pad(self.exponents, more), shifts=np.pad(self.shifts, more))
+        matrices = (np.pad(matrix, more) for matrix in (self.multiples, self.exponents, self.shifts))
+        return ParameterMap(self.addresses, self.fixed, *matrices)
 
     def parts(self, unknowns: NDArray[np.float64]) -> _Parts:
         """Return the parts of the values of the addresses."""
         factor: NDArray[np.float64] = np.exp(self.exponents @ unknowns)
-        return _Parts(factor, self._before(unknowns) * factor, self.shifts @ unknowns)
+        return _Parts(factor, (self.fixed + self.multiples @ unknowns) * factor, self.shifts @ unknowns)
 
     def around(self, more: ParameterMap, parts: _Parts) -> tuple[ParameterMap, NDArray[np.float64]]:
         """Return the parameters of `more`, as of `joined`, as functions of its unknowns, where these have some values.
@@ -189,10 +177,11 @@ class ParameterMap:
         returned as well.
         """
         rows = np.array([self.numbers.get(address, -1) for address in more.addresses], dtype=np.intp)
-        is_known = rows >= 0
+        shared = rows >= 0
         factor, fixed, shifts = np.ones(rows.size), more.fixed.copy(), np.zeros(rows.size)
-        factor[is_known], fixed[is_known], shifts[is_known] = (part[rows[is_known]] for part in parts)
-        return replace(more, scale=more.scale * factor, fixed=fixed, share=more.share * factor), shifts
+        factor[shared], fixed[shared], shifts[shared] = (part[rows[shared]] for part in parts)
+        fixed[more.bases[:, 0] >= 0] = 0.0
+        return replace(more, fixed=fixed, multiples=more.multiples * factor[:, None]), shifts
 
     def joined(self, more: ParameterMap, at: int) -> ParameterMap:
         """Return the functions of further unknowns too, which are inserted before the unknown of index `at`.
@@ -205,32 +194,22 @@ class ParameterMap:
         size = len(self.addresses) + len(fresh)
         rows = np.array([self.numbers.get(address, -1) for address in more.addresses], dtype=np.intp)
         rows[fresh] = np.arange(len(self.addresses), size)
+        fixed = np.concatenate([self.fixed, more.fixed[fresh]])
+        fixed[rows[more.bases[:, 0] >= 0]] = 0.0
 
-        def matrix(own: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-            result = np.zeros((size, own.shape[1] + count))
-            result[: len(own), :at] = own[:, :at]
-            result[: len(own), at + count :] = own[:, at:]
-            result[rows, at : at + count] = other
+        def matrix(before: NDArray[np.float64], further: NDArray[np.float64]) -> NDArray[np.float64]:
+            result = np.zeros((size, before.shape[1] + count))
+            result[: len(before), :at] = before[:, :at]
+            result[: len(before), at + count :] = before[:, at:]
+            result[rows, at : at + count] = further
             return result
 
-        def column(own: NDArray[Any], other: NDArray[Any], chosen: NDArray[np.bool_]) -> NDArray[Any]:
-            result = np.concatenate([own, other[fresh]])
-            result[rows[chosen]] = other[chosen]
-            return result
-
-        def index(own: NDArray[np.intp]) -> NDArray[np.intp]:
-            return np.where(own >= at, own + count, own)
-
-        based, seconded = more.base >= 0, more.second >= 0
         return ParameterMap(
             addresses=(*self.addresses, *(more.addresses[i] for i in fresh)),
-            base=column(index(self.base), np.where(based, more.base + at, -1), based),
-            scale=column(self.scale, more.scale, based),
-            fixed=column(self.fixed, more.fixed, based),
+            fixed=fixed,
+            multiples=matrix(self.multiples, more.multiples),
             exponents=matrix(self.exponents, more.exponents),
             shifts=matrix(self.shifts, more.shifts),
-            second=column(index(self.second), np.where(seconded, more.second + at, -1), seconded),
-            share=column(self.share, more.share, seconded),
         )
 
     @cached_property
@@ -247,34 +226,15 @@ class ParameterMap:
 class Parameters:
     """All unknowns of a fit, and their map to the parameters of every assembly.
 
-    Parameters
-    ----------
-    given : sequence of Unknown
-        Unknowns and laws; may be empty if there are tolerances.
-    tolerances : sequence of Tolerance
-        Errors.
-    sites : sequence of Site
-        The observed assemblies, one for each observation.
-
-    Attributes
-    ----------
-    unknowns : tuple of Unknown
-        Values and exponents in the order of `given`, then errors: the fitted vector.
-    count : int
-        Number of unknowns that are not errors.
-    notes : list of str
-        Notes for the user.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Unknowns or tolerances without an observation, two unknowns of one parameter, a missing condition.
+    `unknowns`, the fitted vector, are the values and exponents in the order of `given`, `count` in number, then the
+    errors. There is a site for each observation. Unknowns or tolerances without an observation, two unknowns of one
+    parameter and a missing condition are a TypeError or ValueError.
     """
 
     def __init__(
-        self, given: Sequence[Unknown], tolerances: Tolerance | Sequence[Tolerance], sites: Sequence[Site]
+        self, unknowns: Sequence[Unknown], tolerances: Tolerance | Sequence[Tolerance], sites: Sequence[Site]
     ) -> None:
-        self.given = as_unknowns(given, least=0)
+        self.given = as_unknowns(unknowns, least=0)
         self.tolerances = _checks.items("tolerances", tolerances, Tolerance, least=0)
         told_apart = self._told_apart
         keys = [_key(site, told_apart) for site in sites]
@@ -287,14 +247,13 @@ class Parameters:
             if not isinstance(unknown, Law):
                 values.append(unknown)
                 continue
-            seen = dict.fromkeys(p.configuration for p in sites if p.among(unknown.configurations))
-            own = [name for name in seen if _has(unknown.address, [p for p in sites if p.configuration == name])]
-            individual = {unknown.name_in(name) for name in own} if unknown.individual else set()
-            for one in unknown.expanded(own):
-                if one.name in individual:
-                    errors[one.name] = one
-                else:
-                    values.append(one)
+            having = [site for site in sites if site.among(unknown.configurations) and site.covered(unknown.address)]
+            configurations = list(dict.fromkeys(site.configuration for site in having))
+            expanded = unknown.expanded(configurations)
+            # The individual parts are last, one for each configuration.
+            count = len(expanded) - (len(configurations) if unknown.individual else 0)
+            values += expanded[:count]
+            errors |= {error.name: error for error in expanded[count:]}
         for tolerance in self.tolerances:
             errors.setdefault(tolerance.name, error_of(tolerance.name))
         self.unknowns = (*values, *errors.values())
@@ -303,7 +262,7 @@ class Parameters:
         if double := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"the name {double[0]!r} is given to two unknowns; give one of them another name")
         self._index = {name: i for i, name in enumerate(names)}
-        self._levels = {one.name: self._levels_of(one, sites) for one in self.given if isinstance(one, Law)}
+        self._levels = {law.name: self._levels_of(law, sites) for law in self.given if isinstance(law, Law)}
         maps = {key: self.at(site) for key, site in different.items()}
         self._maps = [(site, maps[key]) for key, site in zip(keys, sites, strict=True)]
 
@@ -320,7 +279,7 @@ class Parameters:
         result.unknowns = (*self.unknowns[: self.count], *further.unknowns, *self.unknowns[self.count :])
         result.count = self.count + further.count
         result._index = {unknown.name: i for i, unknown in enumerate(result.unknowns)}
-        pairs = [(own, other) for (_, own), (_, other) in zip(self._maps, further._maps, strict=True)]
+        pairs = [(before, after) for (_, before), (_, after) in zip(self._maps, further._maps, strict=True)]
         maps = {pair: pair[0].joined(pair[1], self.count) for pair in dict.fromkeys(pairs)}
         result._maps = [(site, maps[pair]) for (site, _), pair in zip(self._maps, pairs, strict=True)]
         return result
@@ -335,7 +294,9 @@ class Parameters:
             return None
         result = Parameters(more, (), [site for site, _ in self._maps])
         pairs = zip(self._maps, result._maps, strict=True)
-        if not result._index.keys().isdisjoint(self._index) or any(_share_a_base(own, o) for (_, own), (_, o) in pairs):
+        if not result._index.keys().isdisjoint(self._index) or any(
+            before.based & after.based for (_, before), (_, after) in pairs
+        ):
             return None
         return result
 
@@ -347,39 +308,37 @@ class Parameters:
 
     def of(self, sites: Sequence[Site]) -> list[ParameterMap]:
         """Return the parameters of sites; those of the observed sites are cached."""
-        known = [*self._maps, *[(None, None)] * (len(sites) - len(self._maps))]
+        observed = [*self._maps, *[(None, None)] * (len(sites) - len(self._maps))]
         return [
-            own if own is not None and site == other else self.at(site)
-            for site, (other, own) in zip(sites, known, strict=False)
+            mapping if mapping is not None and site == same else self.at(site)
+            for site, (same, mapping) in zip(sites, observed, strict=False)
         ]
 
     def _levels_of(self, law: Law, sites: Sequence[Site]) -> dict[str, float]:
         """Return the values of the condition `along` of a free law, by configuration of the fit."""
         if not law.along:
             return {}
-        own = [site for site in sites if law.name_in(site.configuration) in self._index]
-        for site in own:
+        fitted = [site for site in sites if law.name_in(site.configuration) in self._index]
+        for site in fitted:
             if law.along not in site.conditions:
-                known = ", ".join(site.conditions) or "none"
                 raise ValueError(
                     f"Law {law.address!r}: {site.configuration!r} has no condition {law.along!r}; its conditions are: "
-                    f"{known}"
+                    f"{', '.join(site.conditions) or 'none'}"
                 )
-        return {site.configuration: float(site.conditions[law.along]) for site in own}
+        return {site.configuration: float(site.conditions[law.along]) for site in fitted}
 
     @property
     def _told_apart(self) -> frozenset[str]:
         """Labels and conditions that unknowns and errors name."""
-        names = [name for one in self.given for name in one.configurations or ()]
-        names += [
-            name
-            for tolerance in self.tolerances
-            for name in (*(tolerance.configurations or ()), *(tolerance.labels or ()))
-        ]
-        names += [one.of for one in self.given if isinstance(one, Move)]
-        names += [
-            name for one in self.given if isinstance(one, Law) for name in (one.along, *(p.of for p in one.powers))
-        ]
+        names: set[str] = set()
+        for unknown in self.given:
+            names |= {*(unknown.configurations or ())}
+            if isinstance(unknown, Move):
+                names.add(unknown.of)
+            elif isinstance(unknown, Law):
+                names |= {unknown.along, *(power.of for power in unknown.powers)}
+        for tolerance in self.tolerances:
+            names |= {*(tolerance.configurations or ()), *(tolerance.labels or ())}
         return frozenset(names)
 
     @property
@@ -406,49 +365,43 @@ class Parameters:
                 fresh.append(name)
             return index[name]
 
-        bases: dict[str, list[tuple[int, float]]] = {}
-        exponents, shifts = _SparseRows(), _SparseRows()
+        multiples: _SparseRows = {}
+        exponents: _SparseRows = defaultdict(lambda: defaultdict(float))
+        shifts: _SparseRows = defaultdict(lambda: defaultdict(float))
         for unknown in self.given:
             if not site.among(unknown.configurations):
                 continue
             if isinstance(unknown, Move):
                 self._add_move(unknown, site, exponents if unknown.relative else shifts)
                 continue
-            multiples = dict.fromkeys(sorted(site.covered(unknown.address)), unknown.multiple)
-            multiples |= {other: n for other, n in unknown.also.items() if site.covered(other)}
-            if not multiples:
+            ratios = dict.fromkeys(sorted(site.covered(unknown.address)), unknown.multiple)
+            ratios |= {other: n for other, n in unknown.also.items() if site.covered(other)}
+            if not ratios:
                 continue
             terms = [(index[unknown.name], 1.0)] if unknown.name in index else []
             if isinstance(unknown, Law):
                 if unknown.free:
                     terms = self._free_terms(unknown, site)
                 varying = _varying(unknown, site, index, error)
-                powers = [(address, 1.0) for address in multiples]
+                powers = [(address, 1.0) for address in ratios]
                 powers += [(address, power) for address, power in unknown.follows.items() if site.covered(address)]
                 for address, power in powers:
                     for column, slope in varying.items():
-                        exponents.add(address, column, power * slope)
-            bases |= {address: [(i, n * share) for i, share in terms] for address, n in multiples.items()}
+                        exponents[address][column] += power * slope
+            multiples |= {address: {i: n * share for i, share in terms} for address, n in ratios.items()}
         for tolerance in self.tolerances if tolerances is None else tolerances:
             if site.among(tolerance.configurations, tolerance.labels):
                 rows = exponents if tolerance.relative else shifts
                 for pattern, deviation in tolerance.moves.items():
                     for address in sorted(site.covered(pattern)):
-                        rows.add(address, error(tolerance.name), deviation)
-        addresses = tuple(dict.fromkeys([*bases, *exponents.rows, *shifts.rows]))
+                        rows[address][error(tolerance.name)] += deviation
+        addresses = tuple(dict.fromkeys([*multiples, *exponents, *shifts]))
         if not addresses:
             return _nothing(len(index))
-        first = [bases[address][0] if address in bases else (-1, 1.0) for address in addresses]
-        second = [bases[address][1] if len(bases.get(address, ())) == 2 else (-1, 0.0) for address in addresses]
         return ParameterMap(
-            addresses=addresses,
-            base=np.array([column for column, _ in first], dtype=np.intp),
-            scale=np.array([scale for _, scale in first]),
-            fixed=np.array([0.0 if a in bases else site.value(a) for a in addresses]),
-            exponents=exponents.matrix(addresses, len(index)),
-            shifts=shifts.matrix(addresses, len(index)),
-            second=np.array([column for column, _ in second], dtype=np.intp),
-            share=np.array([share for _, share in second]),
+            addresses,
+            np.array([0.0 if address in multiples else site.value(address) for address in addresses]),
+            *(_dense(rows, addresses, len(index)) for rows in (multiples, exponents, shifts)),
         )
 
     def extended(
@@ -459,14 +412,14 @@ class Parameters:
         Errors of one name are one error, in the fit and in all sites.
         """
         fresh: list[str] = []
-        found = [self.at(site, tolerance, fresh) for site, tolerance in zip(sites, tolerances, strict=True)]
-        return [own.widened(len(self.unknowns) + len(fresh)) for own in found], tuple(fresh)
+        maps = [self.at(site, tolerance, fresh) for site, tolerance in zip(sites, tolerances, strict=True)]
+        return [mapping.widened(len(self.unknowns) + len(fresh)) for mapping in maps], tuple(fresh)
 
     def _free_terms(self, law: Law, site: Site) -> list[tuple[int, float]]:
         """Return the unknown of a free law at a site, or two neighbouring ones, with their weights."""
-        own = self._index.get(law.name_in(site.configuration))
-        if own is not None:
-            return [(own, 1.0)]
+        number = self._index.get(law.name_in(site.configuration))
+        if number is not None:
+            return [(number, 1.0)]
         if not law.along:
             raise ValueError(f"{law.address} is free in each configuration, and {site.configuration!r} was not fitted")
         if law.along not in site.conditions:
@@ -493,7 +446,7 @@ class Parameters:
             size = math.log(site.condition(unknown.of, f"Move {unknown.name!r}") / unknown.reference)
         for pattern, coefficient in unknown.moves.items():
             for address in sorted(site.covered(pattern)):
-                rows.add(address, column, size * coefficient)
+                rows[address][column] += size * coefficient
 
     def _check(self, sites: Sequence[Site]) -> list[str]:
         """Check unknowns and tolerances against the sites; return notes on addresses that none of them has."""
@@ -507,22 +460,22 @@ class Parameters:
         notes: list[str] = []
         Names = tuple[str, ...] | None
         rows: list[tuple[str, tuple[str, ...], Names, Names | str]] = [
-            (f"Unknown {one.address!r}", one.addresses, one.configurations, None) for one in self.given
+            (f"Unknown {unknown.address!r}", unknown.addresses, unknown.configurations, None) for unknown in self.given
         ]
         rows += [
             (f"Tolerance {tolerance.name!r}", tuple(tolerance.moves), tolerance.configurations, tolerance.labels)
             for tolerance in self.tolerances
         ]
         rows += [
-            (f"Law {one.address!r}, with what follows it", tuple(one.follows), one.configurations, None)
-            for one in self.given
-            if isinstance(one, Law) and one.follows
+            (f"Law {unknown.address!r}, with what follows it", tuple(unknown.follows), unknown.configurations, None)
+            for unknown in self.given
+            if isinstance(unknown, Law) and unknown.follows
         ]
         among: dict[tuple[Names, Names | str], list[Site]] = {}
         for title, addresses, configurations, labels in rows:
             # Most rows have the same sites.
             if (configurations, labels) not in among:
-                among[configurations, labels] = [one for one in sites if one.among(configurations, labels)]
+                among[configurations, labels] = [site for site in sites if site.among(configurations, labels)]
             chosen = among[configurations, labels]
             if not chosen:
                 names = ", ".join(dict.fromkeys(p.configuration or p.label or "(no name)" for p in sites))
@@ -531,15 +484,15 @@ class Parameters:
                 )
             missing = [address for address in addresses if not _has(address, chosen)]
             if missing and len(missing) == len(addresses):
-                known = dict.fromkeys(name for site in sites for name in site.assembly.parameters)
+                addresses_of_all = dict.fromkeys(name for site in sites for name in site.assembly.parameters)
                 first = missing[0].split(".", 1)[0] + "."
-                near = [name for name in known if name.startswith(first)] or list(known)
+                near = [name for name in addresses_of_all if name.startswith(first)] or list(addresses_of_all)
                 raise ValueError(
                     f"{title}: no observation's assembly has {'it' if len(addresses) == 1 else missing[0]}; there are "
                     f"{', '.join(near)}"
                 )
             # Assemblies that are held out or predicted may have it.
-            notes += [f"{title}: no observation's assembly has {one}; it affects predictions only" for one in missing]
+            notes += [f"{title}: no observation's assembly has {name}; it affects predictions only" for name in missing]
         return notes
 
 
@@ -560,40 +513,21 @@ def _has(address: str, sites: Sequence[Site]) -> bool:
     return any(site.covered(address) for site in sites)
 
 
-def _share_a_base(own: ParameterMap, other: ParameterMap) -> bool:
-    """Return whether two maps of an assembly have an unknown as the base of the same parameter."""
-    return any(
-        base >= 0 and (row := own.numbers.get(address, -1)) >= 0 and own.base[row] >= 0
-        for address, base in zip(other.addresses, other.base, strict=True)
-    )
-
-
-class _SparseRows:
-    """Sparse rows of coefficients by address and column."""
-
-    def __init__(self) -> None:
-        self.rows: dict[str, dict[int, float]] = {}
-
-    def add(self, address: str, column: int, value: float) -> None:
-        """Add a value to an element."""
-        row = self.rows.setdefault(address, {})
-        row[column] = row.get(column, 0.0) + value
-
-    def matrix(self, addresses: Sequence[str], width: int) -> NDArray[np.float64]:
-        """Return the rows of these addresses as a dense matrix."""
-        result = np.zeros((len(addresses), width))
-        for i, address in enumerate(addresses):
-            for column, value in self.rows.get(address, {}).items():
-                result[i, column] = value
-        return result
+def _dense(rows: _SparseRows, addresses: Sequence[str], width: int) -> NDArray[np.float64]:
+    """Return the rows of addresses as a matrix."""
+    result = np.zeros((len(addresses), width))
+    for i, address in enumerate(addresses):
+        if row := rows.get(address):
+            result[i, list(row)] = list(row.values())
+    return result
 
 
 def _varying(law: Law, site: Site, index: Mapping[str, int], error: Callable[[str], int]) -> dict[int, float]:
     """Return the exponents of a law at a site by column: its powers of conditions and its individual part."""
-    found: dict[int, float] = {}
+    slopes: dict[int, float] = {}
     for power in law.powers:
         ratio = site.condition(power.of, f"Law {law.address!r}") / power.reference
-        found[index[f"{law.name} ~ {power.of}"]] = math.log(ratio)
+        slopes[index[f"{law.name} ~ {power.of}"]] = math.log(ratio)
     if law.individual:
-        found[error(law.name_in(site.configuration))] = law.individual
-    return found
+        slopes[error(law.name_in(site.configuration))] = law.individual
+    return slopes

@@ -26,7 +26,7 @@ _HALF_WINDOW = 15
 Bands = list[tuple[float, float]]
 
 
-def find_bands(frf: Observation, *, width_percent: float = 5.0, prominence: float = 1.0) -> Bands:
+def find_bands(frf: Observation, *, width_percent: float = 5.0) -> Bands:
     """Find bands around the peaks of a measured receptance.
 
     Parameters
@@ -35,8 +35,6 @@ def find_bands(frf: Observation, *, width_percent: float = 5.0, prominence: floa
         The measurement.
     width_percent : float, optional
         Distance of the ends of a band from its peak, in percent of the peak's frequency.
-    prominence : float, optional
-        Least prominence of a peak, as natural logarithm of the magnitude; 1 is a factor of 2.7.
 
     Returns
     -------
@@ -46,13 +44,12 @@ def find_bands(frf: Observation, *, width_percent: float = 5.0, prominence: floa
     Raises
     ------
     ValueError
-        No peak, or a width of 100 % or more.
+        No peak with a prominence of a factor of 2.7, or a width of 100 % or more.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from receptance import STEEL, Assembly, Part, Segment
-    >>> from receptance.fit import Observation, find_bands
+    >>> from receptance import STEEL, Assembly, Observation, Part, Segment, find_bands
     >>> bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
     >>> lines = np.linspace(100.0, 8000.0, 400)
     >>> frf = Observation(assembly=bar, frequency_hz=lines, receptance=bar.receptance(lines))
@@ -62,27 +59,27 @@ def find_bands(frf: Observation, *, width_percent: float = 5.0, prominence: floa
     width = _checks.positive("find_bands", "width_percent", width_percent, unit="percent")
     if width >= 100.0:
         raise ValueError(f"find_bands: width_percent is {width:g}, expected less than 100")
-    least = _checks.positive("find_bands", "prominence", prominence)
-    peaks = peak_indices(frf.receptance, least)
+    peaks = peak_indices(frf.receptance)
     if not peaks.size:
-        raise ValueError(f"{frf!r} has no peak with a prominence of a factor of {np.exp(least):.3g}: give the bands")
-    found: Bands = []
+        factor = np.exp(_PROMINENCE)
+        raise ValueError(f"{frf!r} has no peak with a prominence of a factor of {factor:.3g}: give the bands")
+    bands: Bands = []
     for peak in frf.frequency_hz[peaks].real:
         low, high = float(peak * (1.0 - width / 100.0)), float(peak * (1.0 + width / 100.0))
-        if found and low <= found[-1][1]:
-            low = found.pop()[0]
-        found.append((low, high))
-    return found
+        if bands and low <= bands[-1][1]:
+            low = bands.pop()[0]
+        bands.append((low, high))
+    return bands
 
 
-def peak_indices(values: NDArray[np.complex128], prominence: float = _PROMINENCE) -> NDArray[np.intp]:
-    """Return the indices of the peaks of a magnitude; the prominence is a natural logarithm."""
-    return local_maxima(np.log(np.abs(values)), prominence)[0]
+def peak_indices(values: NDArray[np.complex128]) -> NDArray[np.intp]:
+    """Return the indices of the peaks of a magnitude."""
+    return local_maxima(np.log(np.abs(values)), _PROMINENCE)[0]
 
 
 def check_bands(bands: Sequence[tuple[float, float]]) -> Bands:
     """Return bands as pairs of numbers, or raise."""
-    found: Bands = []
+    checked: Bands = []
     for index, band in enumerate(bands):
         owner = f"bands[{index}]"
         if isinstance(band, (str, int, float)) or len(band) != 2:
@@ -91,10 +88,10 @@ def check_bands(bands: Sequence[tuple[float, float]]) -> Bands:
         high = _checks.number(owner, "the upper end", band[1], unit="Hz")
         if not 0.0 <= low < high:
             raise ValueError(f"{owner} is {low:g} to {high:g} Hz, expected the lower end first")
-        found.append((low, high))
-    if not found:
+        checked.append((low, high))
+    if not checked:
         raise ValueError("bands is empty, expected at least one band")
-    return found
+    return checked
 
 
 def within(frf: Observation, bands: Bands) -> NDArray[np.bool_]:
@@ -140,12 +137,7 @@ class PredictedMode:
     def interval_hz(self, level: float = 0.95, noise: float = 0.0) -> tuple[float, float] | None:
         """Return the interval of the frequency; None without a prediction or its standard deviation.
 
-        Parameters
-        ----------
-        level : float, optional
-            Probability of the interval.
-        noise : float, optional
-            Standard deviation of a measurement in Hz; the interval then holds the measured frequency.
+        With the standard deviation `noise` of a measurement in Hz it holds the measured frequency.
         """
         if self.predicted_hz is None or self.deviation_hz is None:
             return None
@@ -161,10 +153,7 @@ class PredictedMode:
     def within(self, level: float = 0.95) -> bool | None:
         """Return whether the measured frequency lies in the interval of prediction and measurement.
 
-        Returns
-        -------
-        bool or None
-            None if it was not predicted or not measured, or if there is no useful interval.
+        None if it was not predicted or not measured, or if there is no useful interval.
         """
         ends = self.interval_hz(level, self.measured_deviation_hz)
         if self.measured_hz is None or ends is None or self.uninformative(level):
@@ -188,11 +177,11 @@ def match_peaks(
     scatter from line to line.
     """
     lines = frequency_hz.real
-    given = np.zeros(lines.size) if noise is None else noise
-    measured_peaks = _peaks(lines, measured, given, np.maximum(given, _scatter(measured)))
+    stated = np.zeros(lines.size) if noise is None else noise
+    measured_peaks = _peaks(lines, measured, stated, np.maximum(stated, _scatter(measured)))
     zero = np.zeros(lines.size)
     unmatched = [frequency for frequency, _ in _peaks(lines, predicted, zero, zero)]
-    found: list[PredictedMode] = []
+    matched: list[PredictedMode] = []
     for measured_hz, deviation_hz in measured_peaks:
         near = min(unmatched, key=lambda f: abs(f - measured_hz), default=None)
         # A predicted peak is matched with the nearest measured one only.
@@ -202,9 +191,9 @@ def match_peaks(
                 near = None
             else:
                 unmatched.remove(near)
-        found.append(PredictedMode(measured_hz=measured_hz, predicted_hz=near, measured_deviation_hz=deviation_hz))
-    found += [PredictedMode(predicted_hz=f) for f in unmatched]
-    return sorted(found, key=lambda peak: peak.measured_hz or peak.predicted_hz or 0.0)
+        matched.append(PredictedMode(measured_hz=measured_hz, predicted_hz=near, measured_deviation_hz=deviation_hz))
+    matched += [PredictedMode(predicted_hz=f) for f in unmatched]
+    return sorted(matched, key=lambda peak: peak.measured_hz or peak.predicted_hz or 0.0)
 
 
 def _scatter(values: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -213,17 +202,17 @@ def _scatter(values: NDArray[np.complex128]) -> NDArray[np.float64]:
         return np.zeros(values.size)
     # The second difference of white noise has six times its variance. The median is robust to sharp peaks.
     difference = np.abs(np.diff(np.log(np.abs(values)), 2))
-    found: NDArray[np.float64] = _running_median(np.pad(difference, 1, "edge"), _HALF_WINDOW) / (
+    deviation: NDArray[np.float64] = _running_median(np.pad(difference, 1, "edge"), _HALF_WINDOW) / (
         NORMAL_QUARTILE * np.sqrt(6.0)
     )
-    return found
+    return deviation
 
 
 def _running_median(values: NDArray[np.float64], half: int) -> NDArray[np.float64]:
     """Return the median over windows of `2 half + 1` values."""
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(values, half, "edge"), 2 * half + 1)
-    found: NDArray[np.float64] = np.median(windows, axis=1)
-    return found
+    medians: NDArray[np.float64] = np.median(windows, axis=1)
+    return medians
 
 
 def _peaks(
@@ -234,17 +223,17 @@ def _peaks(
 ) -> list[tuple[float, float]]:
     """Return frequencies of peaks and their standard deviations, from parabolas through three logarithms each."""
     level = np.log(np.abs(values))
-    found = peak_indices(values)
-    if scatter.any() and found.size:
+    indices = peak_indices(values)
+    if scatter.any() and indices.size:
         # Between two lines that noise has made small any line has prominence; the level around them is compared.
         around = _running_median(level, 2)
-        around[found] = level[found]
+        around[indices] = level[indices]
         prominences = np.zeros(level.size)
         places, sizes = local_maxima(around)
         prominences[places] = sizes
-        found = found[prominences[found] > np.maximum(_PROMINENCE, _NOISE_PROMINENCE * scatter[found])]
+        indices = indices[prominences[indices] > np.maximum(_PROMINENCE, _NOISE_PROMINENCE * scatter[indices])]
     result = []
-    for index in found:
+    for index in indices:
         near = slice(index - 1, index + 2)
         x = lines[near] - lines[index]
         # The coefficients are linear in the three levels, and so is the vertex -b / 2a to first order.

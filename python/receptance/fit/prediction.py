@@ -76,7 +76,7 @@ class PredictedFrequencies:
 
     def data(self, level: float = 0.95) -> dict[str, Any]:
         """Return the numbers by name, with intervals of a level."""
-        found: dict[str, Any] = {
+        values: dict[str, Any] = {
             "name": self.name,
             "assembly": self.assembly,
             "modes": [mode.mode for mode in self.modes],
@@ -89,13 +89,13 @@ class PredictedFrequencies:
         }
         if self.measured_hz is not None:
             deviations = [mode.measured_deviation_hz for mode in self.modes]
-            found |= {
+            values |= {
                 "measured_hz": self.measured_hz,
                 "measured_deviation_hz": deviations if any(deviations) else None,
                 "error_percent": [mode.error_percent for mode in self.modes],
                 "within": [mode.within(level) for mode in self.modes],
             }
-        return found
+        return values
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,7 +193,7 @@ class PredictedFRF:
         """Return the numbers by name, with the band and intervals of a level."""
         nothing = self.uninformative(level)
         low, high = (np.where(nothing, np.nan, side) for side in self.band(level))
-        found: dict[str, Any] = {
+        values: dict[str, Any] = {
             "name": self.name,
             "assembly": self.assembly,
             "response": _coordinate(self.response),
@@ -204,9 +204,9 @@ class PredictedFRF:
             "standard_error_of_log": [part.total for part in (self.scatter, self.phase_scatter) if part is not None],
         }
         if np.iscomplexobj(self.frequency_hz):
-            found["decay_rate"] = -2.0 * np.pi * float(self.frequency_hz[0].imag)
+            values["decay_rate"] = -2.0 * np.pi * float(self.frequency_hz[0].imag)
         if self.measured is not None:
-            found |= {
+            values |= {
                 "measured": self.measured,
                 "rms_decibel": self.rms_decibel,
                 "share_within": self.share_within(level),
@@ -224,12 +224,12 @@ class PredictedFRF:
                     for peak in self.peaks
                 ],
             }
-        return found
+        return values
 
     def __repr__(self) -> str:
         low, high = self.frequency_hz[[0, -1]].real
         return f"PredictedFRF({self.frequency_hz.size} lines from {low:g} to {high:g} Hz)"
 
 
-def _coordinate(at: Coordinate) -> dict[str, Any]:
+def _coordinate(at: Coordinate) -> dict[str, str | float]:
     return {"part": at.part, "position_m": at.position, "direction": at.direction}

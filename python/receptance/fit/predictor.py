@@ -30,7 +30,7 @@ from receptance.fit.peaks import PredictedMode, match_peaks
 from receptance.fit.prediction import PredictedFrequencies, PredictedFRF, Scatter
 from receptance.fit.problem import End, Problem
 from receptance.fit.unknowns import Tolerance, Variables, error_of
-from receptance.model.addresses import MovingCoordinate
+from receptance.model.addresses import moved_coordinate
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.terminals import RESIDUALS, MeasuredPart, nearest_lines
@@ -42,44 +42,20 @@ _Value = TypeVar("_Value")
 class Predictor:
     """Predictor from a Gaussian posterior of fitted variables; without a fit only errors of assemblies apply.
 
-    Parameters
-    ----------
-    parameters : Parameters, optional
-        The unknowns of the fit and their map to assemblies.
-    values : ndarray, optional
-        `(p,)` identified values of the unknowns in SI units.
-    covariance : ndarray, optional
-        `(p, p)` covariance of the fitted variables; infinite for variables that are not determined.
-    degrees_of_freedom : int, optional
-        Of the covariance, where the scatter was estimated; None where it was known.
-    threads : int, optional
-        As in `Assembly.receptance`.
-    root : ndarray, optional
-        Any matrix R with R^T R the information of data and priors at `values`, for predictions of data, see `of`.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
-    >>> from receptance.fit.parameters import Site
-    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
-    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-    >>> modes = Observation.from_modes(
-    ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=1.0
-    ... )
-    >>> predictor = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7)).predictor
-    >>> longer = predictor.at(Site(pair.replace({"tool.segment[0].length": 0.12})))
-    >>> low, high = longer.receptance(np.linspace(100.0, 5000.0, 50)).band()
-    >>> bool(np.all(low < high))
-    True
+    `Identification.predictor` is that of a fit; the example of `Identification` uses it.
     """
 
     parameters: Parameters = field(default_factory=lambda: Parameters((), (), ()))
+    """The unknowns of the fit and their map to assemblies."""
     values: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    """`(p,)` identified values of the unknowns in SI units."""
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+    """`(p, p)` of the fitted variables; infinite for variables that are not determined."""
     degrees_of_freedom: int | None = None
+    """Of the covariance, where the scatter was estimated; None where it was known."""
     threads: int | None = None
     root: NDArray[np.float64] | None = None
+    """Any matrix R with R^T R the information of data and priors at `values`, for predictions of data, see `of`."""
 
     @cached_property
     def variables(self) -> Variables:
@@ -128,14 +104,8 @@ class Predictor:
     ) -> Scatter:
         """Return the scatter of results that are linear in the variables, and what each error contributes.
 
-        Parameters
-        ----------
-        gradient : ndarray
-            `(n, p)` derivatives by the fitted variables.
-        fresh : ndarray, optional
-            `(n, q)` derivatives by errors that are not in the fit.
-        fresh_names : sequence of str, optional
-            Names of these.
+        The derivatives are `gradient`, `(n, p)`, by the fitted variables, and `fresh`, `(n, q)`, by errors that are not
+        in the fit, with the names `fresh_names`.
         """
         lost = ~np.isfinite(np.diag(self.covariance))
         covariance = np.where(lost[:, None] | lost[None, :], 0.0, self.covariance)
@@ -188,16 +158,8 @@ class LinearFRF(NamedTuple):
 class PredictedAssembly:
     """Natural frequencies and receptances of an assembly by a predictor; see `Predictor.at`.
 
-    Attributes
-    ----------
-    predictor : Predictor
-        The posterior.
-    assembly : Assembly
-        With the identified values.
-    addresses : tuple of str
-        Addresses of the `m` uncertain parameters.
-    fresh : tuple of str
-        The `q` errors that are not in the fit; they have their priors.
+    `assembly` has the identified values. `addresses` are those of its `m` uncertain parameters, `fresh` its `q` errors
+    that are not in the fit, which have their priors.
     """
 
     def __init__(
@@ -295,12 +257,10 @@ class PredictedAssembly:
         linear: LinearFRF | None = None,
         phase: bool = True,
     ) -> PredictedFRF:
-        """Return a receptance with its band.
+        """Return a receptance with its band; lines, coordinates and force are those of `Assembly.receptance`.
 
         Parameters
         ----------
-        frequency_hz, response, excitation, force
-            As in `Assembly.receptance`.
         draws, seed : int, optional
             Number and seed of draws from the posterior for the band. Without draws the band is linear in the errors,
             which is accurate while resonances move by less than about half their width.
@@ -316,7 +276,8 @@ class PredictedAssembly:
         """
         linear = linear or self.linear(frequency_hz, response, excitation, force)
         options = self._options(response, excitation, force)
-        assemblies = [one for one in self.assemblies(draws, seed) if one is not None] if draws else []
+        vectors = self.assemblies(draws, seed) if draws else []
+        assemblies = [assembly for assembly in vectors if assembly is not None]
         if 2 * len(assemblies) < draws:
             raise ReceptanceError(f"only {len(assemblies)} of {draws} vectors drawn from the posterior have a model")
         drawn = np.array([assembly.receptance(frequency_hz, **options) for assembly in assemblies], np.complex128)
@@ -358,7 +319,7 @@ class PredictedAssembly:
         stated one; draws are those of `receptance`.
         """
         places = (
-            MovingCoordinate(measured.assembly.elements, place).on(self.assembly.elements)
+            moved_coordinate(place, measured.assembly.elements, self.assembly.elements)
             for place in (measured.response, measured.excitation)
         )
         predicted = self.receptance(measured.frequency_hz, *places, force=measured.force, draws=draws, seed=seed)
@@ -435,14 +396,8 @@ class PredictedAssembly:
 class PredictedData:
     """Data of observations that were not fitted, beside the information of the fit; see `Predictor.of`.
 
-    Attributes
-    ----------
-    fresh : tuple of str
-        Names of the `q` errors that only these observations have.
-    variables : Variables
-        The `p` fitted variables, followed by these errors.
-    start : ndarray
-        `(p + q,)` the posterior mean of these.
+    `variables` are the `p` fitted ones, followed by the `q` errors that only these observations have, which `fresh`
+    names. `start` is their posterior mean, `(p + q,)`.
     """
 
     def __init__(

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -54,33 +55,19 @@ class InfeasibleError(ReceptanceError):
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Observations, unknown parameters and units of the residuals.
-
-    Attributes
-    ----------
-    observed : tuple of Observation
-        The observations.
-    parameters : Parameters
-        The unknowns and their map to parameters of the assemblies.
-    units : tuple of str
-        Unit of the residuals of each observation.
-    bands : list of (float, float) or None
-        Bands of the lines that are used, in Hz; by default all.
-    band_width_percent : float
-        Half width of bands around peaks, with percentages.
-    threads : int or None
-        As in `Assembly.receptance`.
-    noise_factor : float
-        Factor of the standard deviations of `observed` over the stated ones, see `noisier`.
-    """
+    """Observations, unknown parameters and units of the residuals."""
 
     observed: tuple[Observation, ...]
     parameters: Parameters
     units: tuple[Unit, ...]
+    """Unit of the residuals of each observation."""
     bands: Bands | None = None
+    """Bands of the lines that are used, in Hz; by default all."""
     band_width_percent: float = 5.0
+    """Half width of bands around peaks, with percentages."""
     threads: int | None = None
     noise_factor: float = 1.0
+    """Factor of the standard deviations of `observed` over the stated ones, see `noisier`."""
 
     @cached_property
     def variables(self) -> Variables:
@@ -105,15 +92,7 @@ class Task:
         return sum(observation.independent_values for observation in self.selected)
 
     def problem(self, selected: Sequence[Observation] | None = None, smoothing: float | None = None) -> Problem:
-        """Return the residuals as a problem of the core.
-
-        Parameters
-        ----------
-        selected : sequence of Observation, optional
-            The observations on some of their lines; by default on all in bands.
-        smoothing : float, optional
-            As of `Problem`.
-        """
+        """Return the residuals as a problem of the core: of all lines in bands, or of observations on other lines."""
         observations = self.selected if selected is None else selected
         return Problem(self.variables, observations, self.mappings, self.units, self.threads, smoothing=smoothing)
 
@@ -135,7 +114,10 @@ class Task:
 
     def without_errors(self) -> Task:
         """Return the task with exact dimensions and materials; its vector is the first part of that of this task."""
-        exact = [replace(one, individual=0.0) if isinstance(one, Law) else one for one in self.parameters.given]
+        exact = [
+            replace(unknown, individual=0.0) if isinstance(unknown, Law) else unknown
+            for unknown in self.parameters.given
+        ]
         sites = [observation.site(i) for i, observation in enumerate(self.observed)]
         return replace(self, parameters=Parameters(exact, (), sites))
 
@@ -154,29 +136,21 @@ class Task:
 
 
 class End(NamedTuple):
-    """The end of one fit.
-
-    Attributes
-    ----------
-    x : ndarray
-        `(p,)` the fitted variables.
-    cost, first : float
-        Half the sum of squares at the end and at the start; infinite where the model has no value.
-    evaluations : int
-        Evaluations of all observations.
-    status : int
-        As of SciPy's `least_squares`; -1 where the model has no value at the start.
-    normal : ndarray
-        `(p + 1, p + 1)` A^T A of A = [J | r], at the end or a step from it that lowers the cost by less than the
-        tolerance.
-    """
+    """The end of one fit."""
 
     x: NDArray[np.float64]
+    """`(p,)` the fitted variables."""
     cost: float
+    """Half the sum of squares; infinite where the model has no value."""
     first: float
+    """That of the start."""
     evaluations: int
+    """Evaluations of all observations."""
     status: int
+    """As of SciPy's `least_squares`; -1 where the model has no value at the start."""
     normal: NDArray[np.float64]
+    """`(p + 1, p + 1)` A^T A of A = [J | r], at the end or a step from it that lowers the cost by less than the
+    tolerance."""
 
     @property
     def converged(self) -> bool:
@@ -197,29 +171,9 @@ class End(NamedTuple):
 class Problem:
     """All residuals as a function of the fitted variables.
 
-    Parameters
-    ----------
-    variables : Variables
-        The fitted vector.
-    observations : sequence of Observation
-        The observations, on the lines that are used.
-    mappings : sequence of ParameterMap
-        Parameters of the assembly of each observation.
-    units : sequence of str
-        Unit of the residuals of each observation.
-    threads : int, optional
-        As in `Assembly.receptance`.
-    smoothing : float, optional
-        Residuals well above it count by their absolute value; not for logarithms of receptances.
-    information : tuple of ndarray, optional
-        R and c of the residuals R (x - c), in the place of the priors of the unknowns.
-
-    Attributes
-    ----------
-    sizes : tuple of int
-        Number of residuals of each observation.
-    evaluations : int
-        How often all observations were evaluated.
+    Each observation, on the lines that are used, has a map of parameters and a unit of its residuals. Residuals well
+    above `smoothing` count by their absolute value, which is not for logarithms of receptances. `information`, R and c
+    of the residuals R (x - c), takes the place of the priors of the unknowns.
     """
 
     def __init__(
@@ -236,7 +190,7 @@ class Problem:
         self.variables = variables
         self.evaluations = 0
         self._observations, self._mappings = tuple(observations), tuple(mappings)
-        priors = prior_table(variables.unknowns) if information is None else np.zeros((0, 3))
+        priors = variables.priors if information is None else np.zeros((0, 3))
         core = _core.Problem(
             variables.logarithmic,
             np.ascontiguousarray(variables.limits),
@@ -246,6 +200,7 @@ class Problem:
         )
         self._added = _add(core, self._observations, self._mappings, units, variables.unknowns, threads)
         self.core = core
+        # Number of residuals of each observation, and of all with priors.
         self.sizes = tuple(map(_residual_count, self._observations, units))
         self.size = sum(self.sizes) + (len(priors) if information is None else information[1].size)
         if information is not None:
@@ -456,20 +411,20 @@ def _add(
 
 def _are_records(observations: Sequence[Observation], mappings: Sequence[ParameterMap], units: Sequence[Unit]) -> bool:
     """Return whether two observations are receptances of one model on the same lines."""
-    (one, other), (mapping, other_mapping) = observations, mappings
+    (first, second), (mapping, other_mapping) = observations, mappings
     return (
-        one.is_receptance
-        and other.is_receptance
+        first.is_receptance
+        and second.is_receptance
         and units[0] == units[1]
-        and one.coordinates == other.coordinates
-        and one.ends == other.ends
-        and np.array_equal(one.frequency_hz, other.frequency_hz)
-        and _equal(one.force, other.force)
+        and first.coordinates == second.coordinates
+        and first.ends == second.ends
+        and np.array_equal(first.frequency_hz, second.frequency_hz)
+        and _equal(first.force, second.force)
         and (
             mapping is other_mapping
             or (mapping.addresses == other_mapping.addresses and _equal(mapping.table, other_mapping.table))
         )
-        and (one.assembly is other.assembly or one.assembly == other.assembly)
+        and (first.assembly is second.assembly or first.assembly == second.assembly)
     )
 
 
@@ -503,7 +458,9 @@ def _add_reduced(
         return False
     names = [address.split(".", 1)[1] for address in mapping.addresses]
     try:
-        stiff = _stiffest(observation, joint, {name: unknowns[i] for name, i in zip(names, mapping.base, strict=True)})
+        stiff = _stiffest(
+            observation, joint, {name: unknowns[i] for name, i in zip(names, mapping.bases[:, 0], strict=True)}
+        )
         reduction = observation.assembly.reduced_to_joint(
             joint,
             observation.frequency_hz,
@@ -516,7 +473,7 @@ def _add_reduced(
         # The joint at the bounds has no value; the fit itself may never go there.
         return False
     numbers = np.full(len(PointJoint.columns_of), -1.0)
-    numbers[[PointJoint.columns_of.index(name) for name in names]] = mapping.base
+    numbers[[PointJoint.columns_of.index(name) for name in names]] = mapping.bases[:, 0]
     for record in records:
         measured = np.ascontiguousarray(record.receptance)
         core.add_joint_receptance(reduction, np.array(stiff.columns), numbers, measured, _weights(record, unit))
@@ -546,9 +503,9 @@ def _add_frequencies(core: _core.Problem, measured: Observation, mapping: Parame
     )
 
 
-def _equal(one: NDArray[Any] | None, other: NDArray[Any] | None) -> bool:
+def _equal(first: NDArray[np.float64] | None, second: NDArray[np.float64] | None) -> bool:
     """Return whether two arrays are equal, or both are None."""
-    return one is other or (one is not None and other is not None and np.array_equal(one, other))
+    return first is second or (first is not None and second is not None and np.array_equal(first, second))
 
 
 def slopes_at(
@@ -590,7 +547,8 @@ def only_joint(observation: Observation, mapping: ParameterMap) -> str | None:
     name = owners.pop() if len(owners) == 1 else ""
     if type(observation.assembly.elements.get(name)) is not PointJoint:
         return None
-    alone = np.all(mapping.base >= 0) and np.all(mapping.scale == 1.0) and np.all(mapping.second < 0)
+    (first, second), total = mapping.bases.T, mapping.multiples.sum(axis=1)
+    alone = np.all(first >= 0) and np.all(second < 0) and np.all(total == 1.0)
     return name if alone and not mapping.exponents.any() and not mapping.shifts.any() else None
 
 
@@ -612,20 +570,6 @@ def _tied(observation: Observation, mapping: ParameterMap) -> tuple[Tied, NDArra
     return tied, np.array(factors, dtype=np.float64).reshape(-1, 2)
 
 
-def prior_table(unknowns: Sequence[Unknown]) -> NDArray[np.float64]:
-    """Return the priors as residuals a x - b of variables x: rows of the variable's number, a and b, `(k, 3)`."""
-    rows = []
-    for index, unknown in enumerate(unknowns):
-        if unknown.prior is None:
-            continue
-        deviation, mean = unknown.prior.standard_deviation, unknown.prior.mean
-        if unknown.scale == "log":
-            rows.append((index, math.log(10.0) / deviation, math.log(mean) / deviation))
-        else:
-            rows.append((index, 1.0 / deviation, mean / deviation))
-    return np.array(rows, dtype=np.float64).reshape(-1, 3)
-
-
 def _root(normal: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """Return R with R^T R = N for a positive definite N; None where it has too few digits, or no value."""
     diagonal = np.diag(normal)
@@ -637,3 +581,20 @@ def _root(normal: NDArray[np.float64]) -> NDArray[np.float64] | None:
         return None
     root: NDArray[np.float64] = np.sqrt(squares)[:, None] * vectors.T * scale
     return root
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Limit BLAS to one thread within the block, or within a function that has this as a decorator.
+
+    The matrices of fits are small: threads of BLAS wait for each other longer than they compute, and they compete with
+    the threads of the core. On two processors `receptance diagnose` takes up to twice as long with them. SciPy has a
+    BLAS of its own, which fits do not use: it is not loaded for this.
+    """
+    try:
+        from threadpoolctl import threadpool_limits
+    except ImportError:  # scripts that have NumPy and SciPy alone
+        yield
+        return
+    with threadpool_limits(1, user_api="blas"):
+        yield

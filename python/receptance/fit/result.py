@@ -42,15 +42,20 @@ class Identification(Result):
 
     Examples
     --------
-    >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
-    >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
-    >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-    >>> modes = Observation.from_modes(
-    ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=1.0
-    ... )
-    >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
-    >>> low, high = found.interval("joint.k_theta")
-    >>> low < 1e5 < high
+    >>> import numpy as np
+    >>> from receptance import STEEL, Assembly, Observation, Part, Segment, Tolerance, identify
+    >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
+    >>> rung = Observation.from_modes(assembly=bar, frequency_hz=bar.natural_frequencies(3e4), standard_deviation_hz=5)
+    >>> length = Tolerance(name="length", moves={"bar.segment[0].length": 1e-4})
+    >>> fit = identify(rung, {"bar.segment[0].youngs_modulus": (1e11, 3e11)}, tolerances=length)
+    >>> low, high = fit.interval("bar.segment[0].youngs_modulus")
+    >>> low < 2.1e11 < high
+    True
+    >>> f"{fit.scatter().shares['length'][0]:.0%} of the variance goes with the length"
+    '98% of the variance goes with the length'
+    >>> longer = fit.at(bar.replace({"bar.segment[0].length": 0.12}))
+    >>> low, high = longer.receptance(np.linspace(100.0, 5000.0, 50)).band()
+    >>> bool(np.all(low < high))
     True
     """
 
@@ -126,9 +131,11 @@ class Identification(Result):
     @property
     def residual_variance(self) -> float:
         """Variance of a residual: 1 with given standard deviations, otherwise estimated from the residuals."""
-        if self.known_scatter:
-            return 1.0
-        return float(np.sum(np.concatenate(self.residuals) ** 2)) / max(self.degrees_of_freedom, 1)
+        return self.variance_of_residuals(0.5 * float(np.sum(np.concatenate(self.residuals) ** 2)))
+
+    def variance_of_residuals(self, cost: float) -> float:
+        """Return the variance of a residual with another least cost, half the sum of squares."""
+        return 1.0 if self.known_scatter else 2.0 * cost / max(self.degrees_of_freedom, 1)
 
     @property
     def noise_factor(self) -> float:
@@ -144,7 +151,7 @@ class Identification(Result):
         """The assembly of each observation with the identified values."""
         values = np.array(list(self.values.values()))
         pairs = zip(self.task.mappings, self.task.observed, strict=True)
-        return [mapping.apply(one.assembly, values) for mapping, one in pairs]
+        return [mapping.apply(observation.assembly, values) for mapping, observation in pairs]
 
     @property
     def evaluations(self) -> int:
@@ -178,16 +185,8 @@ class Identification(Result):
 
         It is symmetric in the fitted variable: value / factor to value * factor on a log scale. It is unbounded if the
         data do not determine the value. The interval is linear in the errors and ignores the bounds; see
-        `profile_likelihoods` and `confidence_multiplier`.
-
-        Parameters
-        ----------
-        address : str
-            Name of the unknown.
-        level : float, optional
-            Probability of the interval.
-        exact : bool, optional
-            Whether dimensions and materials are exact, so that only the noise of the data counts.
+        `profile_likelihoods` and `confidence_multiplier`. With `exact`, dimensions and materials are exact, so that
+        only the noise of the data counts.
 
         Raises
         ------
@@ -217,20 +216,6 @@ class Identification(Result):
 
         `data` is the part from the noise of the data alone, with exact dimensions and materials. The variables are
         those of `covariance`: log10 of the value if the scale is "log".
-
-        Examples
-        --------
-        >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
-        >>> from receptance.fit import Tolerance
-        >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
-        >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-        >>> modes = Observation.from_modes(
-        ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:1], standard_deviation_hz=1.0
-        ... )
-        >>> length = Tolerance(name="length", moves={"tool.segment[0].length": 1e-4})
-        >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7), tolerances=length)
-        >>> f"{found.scatter().shares['length'][0]:.0%} of the variance goes with the length"
-        '79% of the variance goes with the length'
         """
         return self.predictor.scatter(np.eye(len(self.unknowns)))
 
@@ -249,16 +234,12 @@ class Identification(Result):
         conditions: Mapping[str, float] | None = None,
         tolerances: Sequence[Tolerance] | None = None,
     ) -> PredictedAssembly:
-        """Return another assembly with the identified values, and predictions of it.
+        """Return another assembly, observed or not, with the identified values, and predictions of it.
 
         Parameters
         ----------
-        assembly : Assembly
-            Observed or not.
-        configuration : str, optional
-            Its configuration, for laws and tolerances.
-        conditions : mapping of str to float, optional
-            Its conditions in SI units, for laws.
+        configuration, conditions : optional
+            Its configuration, and its conditions in SI units, for laws and tolerances.
         tolerances : sequence of Tolerance, optional
             Its errors; by default those of the fit. Errors that were not fitted are zero in the assembly, and standard
             normal in standard errors and draws.
@@ -272,24 +253,6 @@ class Identification(Result):
         ------
         ValueError
             The assembly has none of the identified parameters, or a law has no value for it.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from receptance import STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown, identify
-        >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
-        >>> joint, holder = PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")
-        >>> pair = Assembly([Part([bar], name="tool"), joint, holder])
-        >>> modes = Observation.from_modes(
-        ...     assembly=pair, frequency_hz=pair.natural_frequencies(2e4)[:3], standard_deviation_hz=1.0
-        ... )
-        >>> found = identify(modes, Unknown(address="joint.k_theta", lower=1e3, upper=1e7))
-        >>> longer = found.at(pair.replace({"tool.segment[0].length": 0.12}))
-        >>> longer.assembly.get("joint.k_theta") == found.values["joint.k_theta"]
-        True
-        >>> low, high = longer.receptance(np.linspace(100.0, 5000.0, 50)).band()
-        >>> bool(np.all(low < high))
-        True
         """
         predicted = self.predictor.at(Site(assembly, configuration, "", conditions or {}), tolerances)
         if not predicted.uncertain:
@@ -298,9 +261,7 @@ class Identification(Result):
 
     def determined(self, address: str) -> bool:
         """Return whether the 95 % interval of a value ends within the bounds of the unknown on at least one side."""
-        unknown = self.unknowns[self.index(address)]
-        low, high = self.interval(address)
-        return low > unknown.lower or high < unknown.upper
+        return any(end is not None for end in self.ends(address))
 
     def tables(self) -> list[Table]:
         """Return parameters, profile intervals, errors of tolerances and residuals."""
@@ -339,7 +300,9 @@ class Identification(Result):
             "errors": {
                 name: {"value": self.values[name], "standard_error": self.standard_errors[name]} for name in self.errors
             },
-            "profiles": {} if self.profiled is None else {name: one.data() for name, one in self.profiled.items()},
+            "profiles": {}
+            if self.profiled is None
+            else {name: profile.data() for name, profile in self.profiled.items()},
             **({} if self.series is None else {"series": self.series.data()}),
             "correlation": {"parameters": self.addresses, "matrix": self.correlation},
             "covariance_of_fitted_variables": self.covariance,
@@ -369,8 +332,8 @@ class Identification(Result):
 
     def __repr__(self) -> str:
         errors = self.standard_errors
-        found = [f"{x}={value:.4g} +- {errors[x]:.1g}" for x, value in self.values.items() if x not in self.errors]
-        return f"Identification({first_of(found)}; {self._headline()})"
+        texts = [f"{x}={value:.4g} +- {errors[x]:.1g}" for x, value in self.values.items() if x not in self.errors]
+        return f"Identification({first_of(texts)}; {self._headline()})"
 
     def _parameter_table(self) -> Table:
         errors = [self.standard_errors, self.data_errors] if self.errors else [self.standard_errors]
@@ -387,7 +350,9 @@ class Identification(Result):
             shown = [
                 error[name] if error[name] < _NOT_DETERMINED * abs(value) or not value else np.inf for error in errors
             ]
-            rows.append([name, amount(value, unknown.unit, 5), *(_error(unknown, value, one) for one in shown)])
+            rows.append(
+                [name, amount(value, unknown.unit, 5), *(_error(unknown, value, deviation) for deviation in shown)]
+            )
             if name in profiled:
                 rows[-1].append(None)
             else:
@@ -420,9 +385,11 @@ class Identification(Result):
             shown = rms if rms >= _NO_RESIDUAL else f"below {_NO_RESIDUAL:g}"
             alone.append([label, observed.describe(), residual.size, shown, unit])
         together: list[list[Cell]] = []
-        for (group, unit), own in groups.items():
-            sizes = [rms for rms, _ in own]
-            together.append([group, len(own), min(sizes), float(np.median(sizes)), max(sizes), max(own)[1], unit])
+        for (group, unit), members in groups.items():
+            sizes = [rms for rms, _ in members]
+            together.append(
+                [group, len(members), min(sizes), float(np.median(sizes)), max(sizes), max(members)[1], unit]
+            )
         title = f"Residuals, in {self.units[0]}" if common else "Residuals"
         numbers = (Column("residuals", form="d"), Column("rms", form=".3g"))
         by_rms = (Column(name, form=".3g") for name in ("least rms", "median", "most"))
@@ -444,10 +411,10 @@ class Identification(Result):
                     pairs.setdefault(f"{first} and {second}", []).append(float(self.correlation[i, j]))
         order = sorted(pairs.items(), key=lambda pair: -max(map(abs, pair[1])))
         texts = [
-            f"{names}: {own[0]:+.3f}"
-            if len(own) == 1
-            else f"{names} at {len(own)} levels: {min(own):+.3f} to {max(own):+.3f}"
-            for names, own in order[:_MOST_CORRELATIONS]
+            f"{names}: {values[0]:+.3f}"
+            if len(values) == 1
+            else f"{names} at {len(values)} levels: {min(values):+.3f} to {max(values):+.3f}"
+            for names, values in order[:_MOST_CORRELATIONS]
         ]
         more = f"; and {len(order) - len(texts)} more" if len(order) > len(texts) else ""
         return [f"Correlations beyond {_CORRELATED:g}: {'; '.join(texts)}{more}."] if texts else []

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
-from receptance._extras import require
-from receptance.errors import ReceptanceError
-from receptance.fit.likelihood import require_likelihood, residual_variance
+from receptance.errors import ReceptanceError, require
+from receptance.fit.likelihood import require_likelihood
 from receptance.fit.problem import Problem
 from receptance.fit.result import Identification
 from receptance.report import Column, Provenance, Result, Table
@@ -65,13 +64,7 @@ class Samples(Result):
     plotted_by = "receptance.fit.figure:draw_samples"
 
     def of(self, name: str) -> NDArray[np.float64]:
-        """Return the draws of one parameter, `(n,)`.
-
-        Raises
-        ------
-        ValueError
-            A name that was not sampled.
-        """
+        """Return the draws of one parameter, `(n,)`; a ValueError for a name that was not sampled."""
         if name not in self.names:
             raise ValueError(f"{name!r} was not sampled, only {', '.join(self.names)}")
         return self.values[:, self.names.index(name)]
@@ -93,8 +86,8 @@ class Samples(Result):
             Column("autocorrelation", "steps", ".3g"),
         )
         rows = [
-            (name, float(np.median(own)), float(np.std(own)), self.interval(name), float(steps))
-            for name, own, steps in zip(self.names, self.values.T, self.autocorrelation, strict=True)
+            (name, float(np.median(draws)), float(np.std(draws)), self.interval(name), float(steps))
+            for name, draws, steps in zip(self.names, self.values.T, self.autocorrelation, strict=True)
         ]
         return [Table("Parameters, SI units", columns, rows)]
 
@@ -129,7 +122,7 @@ class Samples(Result):
 
 
 def sample_posterior(
-    found: Identification,
+    fit: Identification,
     *,
     steps: int = 5000,
     walkers: int | None = None,
@@ -140,7 +133,7 @@ def sample_posterior(
 
     Parameters
     ----------
-    found : Identification
+    fit : Identification
         From `identify`, with the objective "log".
     steps : int, optional
         Largest number of steps of a walker; sampling ends at a hundred autocorrelation times.
@@ -159,14 +152,14 @@ def sample_posterior(
     require("sampling", "sampling of the posterior")
     import emcee
 
-    require_likelihood(found)
+    require_likelihood(fit)
     _checks.whole_number("sample_posterior", "steps", steps, least=_CHUNK)
-    count = len(found.unknowns)
+    count = len(fit.unknowns)
     number = max(4 * count, 16) if walkers is None else walkers
     if isinstance(number, bool) or not isinstance(number, int) or number < 2 * count:
         raise ValueError(f"walkers is {number!r}, expected a whole number of at least {2 * count}, two per parameter")
-    problem: Problem = found.task.problem()
-    variance = residual_variance(found, min(start.cost for start in found.starts))
+    problem: Problem = fit.task.problem()
+    variance = fit.variance_of_residuals(min(start.cost for start in fit.starts))
     if not variance > 0.0:
         raise ValueError("all residuals are zero and no standard deviations are given: the posterior has no width")
     low, high = problem.variables.limits
@@ -178,7 +171,7 @@ def sample_posterior(
 
     # emcee supports only NumPy's legacy generator.
     state = np.random.RandomState(seed)
-    starts = _draw_starts(found, number, density, np.random.default_rng(seed))
+    starts = _draw_starts(fit, number, density, np.random.default_rng(seed))
     sampler = emcee.EnsembleSampler(number, count, density)
     sampler.random_state = state.get_state()
     done = 0
@@ -196,7 +189,7 @@ def sample_posterior(
     slowest = float(np.max(lengths)) if np.isfinite(lengths).all() else float(done)
     burnt = min(int(_BURN_IN * slowest) + 1, done // 2)
     kept = chain[burnt:]
-    values = found.task.variables.to_values(kept.reshape(-1, chain.shape[2]))
+    values = fit.task.variables.to_values(kept.reshape(-1, chain.shape[2]))
     acceptance = float(np.mean(sampler.acceptance_fraction))
     notes = []
     if done < _MIN_LENGTH * slowest:
@@ -206,10 +199,10 @@ def sample_posterior(
         )
     if acceptance < _MIN_ACCEPTANCE:
         notes.append(f"only {100 * acceptance:.1f} % of the moves were accepted: the posterior is explored slowly")
-    if not found.known_scatter:
+    if not fit.known_scatter:
         notes.append("the scatter is estimated from the residuals of the fit and taken as known")
     return Samples(
-        names=found.addresses,
+        names=fit.addresses,
         values=values,
         log_likelihood=sampler.get_log_prob()[burnt:].reshape(-1),
         acceptance=acceptance,
@@ -225,16 +218,16 @@ def sample_posterior(
 
 
 def _draw_starts(
-    found: Identification,
+    fit: Identification,
     walkers: int,
     density: Callable[[NDArray[np.float64]], float],
     rng: np.random.Generator,
 ) -> NDArray[np.float64]:
     """Draw the walkers' starts around the optimum, with its standard errors, where the model has a value."""
-    low, high = found.task.variables.limits
-    deviation = np.sqrt(np.diag(found.covariance))
+    low, high = fit.task.variables.limits
+    deviation = np.sqrt(np.diag(fit.covariance))
     deviation = np.minimum(np.where(np.isfinite(deviation), deviation, np.inf), _START_RANGE * (high - low))
-    inside = np.clip(found.vector, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
+    inside = np.clip(fit.vector, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
     kept: list[NDArray[np.float64]] = []
     shrink = 1.0
     while len(kept) < walkers:

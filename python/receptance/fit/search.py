@@ -100,7 +100,8 @@ def fit_direct(
         more, at = _continued(first, at)
         spent = spent + more
         problem.evaluations += few.evaluations
-        owners = _owners(first, problem.variables.limits)
+        largest_cost = _DIRECT_COST * min(end.cost for end in first)
+        owners = _owners([(end.cost, end.x) for end in first], problem.variables.limits, _KEPT, largest_cost)
     leaders = list(dict.fromkeys(owners.values()))
     ends = problem.fit(at[leaders], np.maximum(most - spent[leaders], 1), tolerance=tolerance) if leaders else []
     last = dict(zip(leaders, ends, strict=True))
@@ -134,20 +135,25 @@ def _run(problem: Problem, start: NDArray[np.float64], end: End) -> Start:
 
 def _continued(ends: Sequence[End], starts: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the evaluations of fits, and the starts of the next ones: ends, or starts without a value."""
-    found = np.array([end.x if np.isfinite(end.cost) else x for end, x in zip(ends, starts, strict=True)])
-    return np.array([end.evaluations for end in ends], dtype=np.int64), found.reshape(starts.shape)
+    reached = np.array([end.x if np.isfinite(end.cost) else x for end, x in zip(ends, starts, strict=True)])
+    return np.array([end.evaluations for end in ends], dtype=np.int64), reached.reshape(starts.shape)
 
 
-def _owners(ends: Sequence[End], limits: NDArray[np.float64]) -> dict[int, int]:
-    """Return for every end that is refined the best end at the same optimum, possibly itself."""
+def _owners(
+    ends: Sequence[tuple[float, NDArray[np.float64]]],
+    limits: NDArray[np.float64],
+    most: int,
+    largest_cost: float = np.inf,
+) -> dict[int, int]:
+    """Return for ends with their costs the number of the best one at the same optimum, of the `most` best optima."""
     leaders: list[int] = []
     owners: dict[int, int] = {}
-    order = sorted((i for i, end in enumerate(ends) if np.isfinite(end.cost)), key=lambda i: ends[i].cost)
-    for i in order:
-        near = [j for j in leaders if np.max(np.abs(ends[i].x - ends[j].x) / (limits[1] - limits[0])) <= _SAME]
+    for i in sorted((i for i, (cost, _) in enumerate(ends) if np.isfinite(cost)), key=lambda i: ends[i][0]):
+        cost, x = ends[i]
+        near = [j for j in leaders if np.max(np.abs(x - ends[j][1]) / (limits[1] - limits[0])) <= _SAME]
         if near:
             owners[i] = near[0]
-        elif len(leaders) < _KEPT and ends[i].cost <= _DIRECT_COST * ends[order[0]].cost:
+        elif len(leaders) < most and cost <= largest_cost:
             leaders.append(i)
             owners[i] = i
     return owners
@@ -164,8 +170,8 @@ def fit_staged(task: Task, problem: Problem, starts: int, seed: int, most: int, 
     costs = [continuation.costs(road) for road in roads]
     shared = range(starts, starts + len(drawn))
     runs = []
-    for own, x in enumerate(begun):
-        ends = [(cost[i], road[i]) for road, cost in zip(roads, costs, strict=True) for i in (own, *shared)]
+    for number, x in enumerate(begun):
+        ends = [(cost[i], road[i]) for road, cost in zip(roads, costs, strict=True) for i in (number, *shared)]
         before = problem.evaluations
         chosen = np.array([end for _, end in different_ends(ends, task, 2 * _KEPT)]).reshape(-1, count)
         errors = task.variables.start[count:]
@@ -189,9 +195,13 @@ class Continuation:
         self._damping = self._loss | np.array([quantity in _DASHPOTS for quantity in quantities])
         self._coupling = np.array([name.endswith("_ytheta") for name in names])
         self._columns = {unknown.name: i for i, unknown in enumerate(exact.variables.unknowns)}
-        self._angular = 2.0 * np.pi * float(np.median([np.median(o.frequency_hz.real) for o in task.observed]))
+        self._angular = (
+            2.0 * np.pi * float(np.median([np.median(observation.frequency_hz.real) for observation in task.observed]))
+        )
         self.peaks = _peak_problem(exact)
-        steps = [[one for o in task.observed if (one := smeared(o, width))] for width in _WIDTHS]
+        steps = [
+            [broad for observation in task.observed if (broad := smeared(observation, width))] for width in _WIDTHS
+        ]
         usable = [len(step) == len(task.observed) for step in steps]
         problems = [exact.on(step).problem() if use else None for step, use in zip(steps, usable, strict=True)]
         self.broad = [problem for problem in problems[:_BROAD] if problem is not None]
@@ -213,8 +223,7 @@ class Continuation:
                 values[:, column] = START_LOSS_FACTOR
             elif stiffness is not None:
                 values[:, column] = START_LOSS_FACTOR * values[:, stiffness] / self._angular
-        values = np.clip(values, [u.lower for u in self.variables.unknowns], [u.upper for u in self.variables.unknowns])
-        return self.variables.from_values(values)
+        return self.variables.from_values(np.clip(values, *self.variables.bounds))
 
     def fit_stiffness(self, starts: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """Fit stiffnesses with damping held: through broad resonances, and through peaks.
@@ -264,8 +273,8 @@ def _fit_stage(
     """Return the ends of fits and their costs; starts without a value keep their place, with infinite cost."""
     ends = stage.fit(starts, most, tolerance=_STAGE_TOLERANCE, free=free)
     costs = np.array([end.cost for end in ends])
-    found = np.array([end.x for end in ends]).reshape(starts.shape)
-    return np.where(np.isfinite(costs)[:, None], found, starts), costs
+    reached = np.array([end.x for end in ends]).reshape(starts.shape)
+    return np.where(np.isfinite(costs)[:, None], reached, starts), costs
 
 
 def _fit_stages(
@@ -273,8 +282,8 @@ def _fit_stages(
 ) -> list[tuple[float, NDArray[np.float64]]]:
     """Return costs and ends after all stages; a start without a value in a stage keeps its cost."""
     for stage in stages:
-        x, found = _fit_stage(stage, x)
-        costs = np.where(np.isfinite(found), found, costs)
+        x, reached = _fit_stage(stage, x)
+        costs = np.where(np.isfinite(reached), reached, costs)
     return list(zip(costs.tolist(), x, strict=True))
 
 
@@ -282,15 +291,15 @@ def _peak_problem(task: Task) -> Problem | None:
     """Return the problem with the peaks of receptances as natural frequencies, numbered from the lowest."""
     if not all(observation.assembly.countable for observation in task.observed):
         return None
-    found: list[Observation] = []
+    frequencies: list[Observation] = []
     for observation in task.observed:
         if not observation.is_receptance:
-            found.append(observation)
+            frequencies.append(observation)
             continue
         frequency = observation.frequency_hz.real[peak_indices(observation.receptance)]
         if not frequency.size:
             return None
-        found.append(
+        frequencies.append(
             Observation.from_modes(
                 assembly=observation.assembly,
                 frequency_hz=frequency,
@@ -300,7 +309,7 @@ def _peak_problem(task: Task) -> Problem | None:
                 conditions=observation.conditions,
             )
         )
-    return task.on(found).problem()
+    return task.on(frequencies).problem()
 
 
 def _best_run(
@@ -339,15 +348,9 @@ def different_ends(
     ends: Sequence[tuple[float, NDArray[np.float64]]], task: Task, most: int
 ) -> list[tuple[float, NDArray[np.float64]]]:
     """Return the best distinct ends and their costs; errors do not distinguish ends."""
-    low, high = task.variables.limits[:, : task.parameters.count]
-    kept: list[tuple[float, NDArray[np.float64]]] = []
-    for cost, x in sorted((end for end in ends if np.isfinite(end[0])), key=lambda end: end[0]):
-        if len(kept) == most:
-            break
-        own = x[: low.size]
-        if all(np.max(np.abs(own - other[: low.size]) / (high - low)) > _SAME for _, other in kept):
-            kept.append((cost, x))
-    return kept
+    count = task.parameters.count
+    owners = _owners([(cost, x[:count]) for cost, x in ends], task.variables.limits[:, :count], most)
+    return [ends[i] for i in dict.fromkeys(owners.values())]
 
 
 def smeared(observation: Observation, width: float) -> Observation | None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,14 +40,6 @@ PARAMETERS = {
 class Prior:
     """Gaussian prior of an unknown, on the scale of the fit.
 
-    Parameters
-    ----------
-    mean : float
-        Mean in SI units.
-    standard_deviation : float
-        In SI units on a linear scale. On a log scale of the natural logarithm: 0.1 is about 10 %, log(3) is a factor of
-        three.
-
     Raises
     ------
     TypeError, ValueError
@@ -63,7 +55,10 @@ class Prior:
     """
 
     mean: float
+    """Mean in SI units."""
     standard_deviation: float
+    """In SI units on a linear scale. On a log scale of the natural logarithm: 0.1 is about 10 %, log(3) is a factor of
+    three."""
 
     def __post_init__(self) -> None:
         mean = _checks.number("Prior", "mean", self.mean)
@@ -74,30 +69,6 @@ class Prior:
 @dataclass(frozen=True, kw_only=True)
 class Unknown:
     """A parameter to be identified.
-
-    Parameters
-    ----------
-    address : str
-        As in `Assembly.parameters`, or with `segment[*]`; the unknown is shared by all observations whose assembly has
-        the address.
-    lower, upper : float
-        Bounds in SI units.
-    start : float, optional
-        Start of the first fit; by default the middle of the bounds on the scale of the fit.
-    scale : {"log", "linear"}, optional
-        Whether log10 of the value or the value itself is fitted; by default the logarithm if the lower bound is above
-        zero.
-    prior : Prior, optional
-        Prior; by default uniform within the bounds.
-    configurations : str or sequence of str, optional
-        Configurations or labels of the observations that have the unknown; by default all.
-    name : str, optional
-        Name in results; by default the address, with the configurations if they are given.
-    multiple : float, optional
-        Ratio of the parameter at the address to the unknown.
-    also : mapping of str to float, optional
-        Other addresses and the ratios of their parameters to the unknown. An observed assembly must have at least one
-        of all addresses; the others may be in predicted assemblies.
 
     Raises
     ------
@@ -113,15 +84,27 @@ class Unknown:
     """
 
     address: str
+    """As in `Assembly.parameters`, or with `segment[*]`; the unknown is shared by all observations whose assembly has
+    the address."""
     lower: float
     upper: float
+    """Lower and upper bound in SI units."""
     start: float | None = None
+    """Start of the first fit; by default the middle of the bounds on the scale of the fit."""
     scale: Scale | None = None
+    """Whether log10 of the value or the value itself is fitted; by default the logarithm if the lower bound is above
+    zero."""
     prior: Prior | None = None
+    """Prior; by default uniform within the bounds."""
     configurations: tuple[str, ...] | None = None
+    """Configurations or labels of the observations that have the unknown, one name or several; by default all."""
     name: str = ""
+    """Name in results; by default the address, with the configurations if they are given."""
     multiple: float = 1.0
+    """Ratio of the parameter at the address to the unknown."""
     also: Mapping[str, float] = field(default_factory=dict)
+    """Other addresses and the ratios of their parameters to the unknown. An observed assembly must have at least one of
+    all addresses; the others may be in predicted assemblies."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.address, str):
@@ -131,8 +114,7 @@ class Unknown:
         if lower >= upper:
             raise ValueError(f"{owner}: lower is {lower:g} and upper {upper:g}, expected lower below upper")
         scale = self.scale if self.scale is not None else ("log" if lower > 0.0 else "linear")
-        if scale not in get_args(Scale):
-            raise ValueError(f"{owner}: scale is {scale!r}, expected one of {', '.join(get_args(Scale))}")
+        _checks.one_of(owner, "scale", scale, Scale)
         if scale == "log" and lower <= 0.0:
             raise ValueError(f"{owner}: lower is {lower:g}, expected more than zero on a log scale")
         if self.start is None:
@@ -147,7 +129,7 @@ class Unknown:
                 raise TypeError(f"{owner}: prior is {self.prior!r}, expected a Prior")
             if scale == "log" and self.prior.mean <= 0.0:
                 raise ValueError(f"{owner}: the prior's mean is {self.prior.mean:g}, expected more than zero")
-        chosen = listed(owner, self.configurations)
+        chosen = names_of_configurations(owner, self.configurations)
         title = self.name or self.address + ("" if chosen is None else f" @ {', '.join(chosen)}")
         _checks.set_fields(self, {"lower": lower, "upper": upper, "start": start, "scale": scale})
         _checks.set_fields(self, {"configurations": chosen, "name": title})
@@ -196,12 +178,12 @@ def as_unknowns(unknowns: Unknowns, *, least: int = 1) -> tuple[Unknown, ...]:
     """
     if not isinstance(unknowns, Mapping):
         return _checks.items("unknowns", unknowns, Unknown, least=least)
-    found = []
+    objects = []
     for address, bounds in unknowns.items():
         if isinstance(bounds, Unknown):
             raise TypeError(f"unknowns[{address!r}] is an Unknown, expected bounds, or give a list of Unknown")
         if isinstance(bounds, Mapping):
-            found.append(Unknown(address=address, **bounds))
+            objects.append(Unknown(address=address, **bounds))
             continue
         numbers: tuple[Any, ...] = tuple(bounds) if isinstance(bounds, (tuple, list, np.ndarray)) else ()
         if len(numbers) not in (2, 3):
@@ -210,18 +192,18 @@ def as_unknowns(unknowns: Unknowns, *, least: int = 1) -> tuple[Unknown, ...]:
                 "with lower, upper and other arguments of Unknown"
             )
         lower, upper, start = (*numbers, None)[:3]
-        found.append(Unknown(address=address, lower=lower, upper=upper, start=start))
-    return _checks.items("unknowns", found, Unknown, least=least)
+        objects.append(Unknown(address=address, lower=lower, upper=upper, start=start))
+    return _checks.items("unknowns", objects, Unknown, least=least)
 
 
-def listed(owner: str, configurations: str | Sequence[str] | None) -> tuple[str, ...] | None:
+def names_of_configurations(owner: str, configurations: str | Sequence[str] | None) -> tuple[str, ...] | None:
     """Return names of configurations as a tuple; None means all."""
     if configurations is None:
         return None
-    found = (configurations,) if isinstance(configurations, str) else tuple(configurations)
-    if not found or not all(isinstance(name, str) and name for name in found):
+    names = (configurations,) if isinstance(configurations, str) else tuple(configurations)
+    if not names or not all(isinstance(name, str) and name for name in names):
         raise ValueError(f"{owner}: configurations is {configurations!r}, expected names of configurations, or None")
-    return found
+    return names
 
 
 # A diagnosis needs the same errors in some hundred models.
@@ -242,20 +224,6 @@ def error_of(name: str) -> Unknown:
 class Power:
     """A power law (x / reference)^exponent of a condition, with an unknown exponent.
 
-    Parameters
-    ----------
-    of : str
-        Name of a condition of the observations ("torque", "drawbar force"), or an address of their assemblies
-        ("tool.segment[0].length").
-    reference : float
-        Value of the condition in SI units at which the parameter equals its unknown.
-    lower, upper : float, optional
-        Bounds of the exponent.
-    start : float, optional
-        Start of the first fit.
-    prior : Prior, optional
-        Prior of the exponent.
-
     Raises
     ------
     TypeError, ValueError
@@ -263,11 +231,17 @@ class Power:
     """
 
     of: str
+    """Name of a condition of the observations ("torque", "drawbar force"), or an address of their assemblies
+    ("tool.segment[0].length")."""
     reference: float
+    """Value of the condition in SI units at which the parameter equals its unknown."""
     lower: float = -4.0
     upper: float = 4.0
+    """Lower and upper bound of the exponent."""
     start: float = 0.0
+    """Start of the first fit."""
     prior: Prior | None = None
+    """Prior of the exponent."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.of, str) or not self.of:
@@ -288,29 +262,8 @@ class Power:
 class Law(Unknown):
     """A parameter to identify, and the relation of its values in several configurations.
 
-    The value in a configuration is that of the unknown, times powers of conditions, times an individual part.
-
-    Parameters
-    ----------
-    address, lower, upper, start, scale, prior, configurations, name
-        As in `Unknown`; they refer to the value at the references of the powers.
-    powers : Power or sequence of Power, optional
-        Powers of conditions. Their exponents are called `<name> ~ <condition>`.
-    free : bool, optional
-        Whether each configuration has its own value, called `<name> @ <configuration>`, with the same bounds, start and
-        prior.
-    along : str, optional
-        Name of a condition, for a free law. A configuration that was not fitted has the value that is interpolated
-        linearly between its two neighbours in this condition.
-    starts : mapping of str to float, optional
-        Starts of a free law in some configurations; the others start at `start`.
-    individual : float, optional
-        Standard deviation of the natural logarithm of an individual factor of every configuration: 0.05 if the
-        stiffness varies by 5 % between clampings. The factor is called `<name> @ <configuration>` and is counted in
-        these standard deviations. A configuration is one clamping here.
-    follows : mapping of str to float, optional
-        Further parameters by address that vary in proportion: they are multiplied by the powers and the individual
-        factor, raised to the given number. The number is 0.5 with each of two stiffnesses for their coupling term.
+    The value in a configuration is that of the unknown, times powers of conditions, times an individual part. The
+    fields of `Unknown` refer to the value at the references of the powers.
 
     Raises
     ------
@@ -326,11 +279,22 @@ class Law(Unknown):
     """
 
     powers: tuple[Power, ...] = ()
+    """Powers of conditions. Their exponents are called `<name> ~ <condition>`."""
     free: bool = False
+    """Whether each configuration has its own value, called `<name> @ <configuration>`, with the same bounds, start and
+    prior."""
     along: str = ""
+    """Name of a condition, for a free law. A configuration that was not fitted has the value that is interpolated
+    linearly between its two neighbours in this condition."""
     starts: Mapping[str, float] = field(default_factory=dict)
+    """Starts of a free law in some configurations; the others start at `start`."""
     individual: float = 0.0
+    """Standard deviation of the natural logarithm of an individual factor of every configuration: 0.05 if the stiffness
+    varies by 5 % between clampings. The factor is called `<name> @ <configuration>` and is counted in these standard
+    deviations. A configuration is one clamping here."""
     follows: Mapping[str, float] = field(default_factory=dict)
+    """Further parameters by address that vary in proportion: they are multiplied by the powers and the individual
+    factor, raised to the given number. The number is 0.5 with each of two stiffnesses for their coupling term."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -352,27 +316,23 @@ class Law(Unknown):
     def expanded(self, configurations: Sequence[str]) -> list[Unknown]:
         """Return the unknowns of the law for these configurations."""
         if self.free:
-            own = [self.base(self.name_in(configuration), (configuration,)) for configuration in configurations]
-            return [
-                replace(unknown, start=min(max(self.starts.get(name, start), self.lower), self.upper))
-                for name, unknown in zip(configurations, own, strict=True)
-                if (start := unknown.start) is not None
-            ]
-        found = [self.base(self.name, self.configurations)]
-        found += [power.exponent(self.name) for power in self.powers]
+            return [self.base(self.name_in(name), (name,), self.starts.get(name)) for name in configurations]
+        unknowns = [self.base(self.name, self.configurations)]
+        unknowns += [power.exponent(self.name) for power in self.powers]
         if self.individual:
-            found += [error_of(self.name_in(configuration)) for configuration in configurations]
-        return found
+            unknowns += [error_of(self.name_in(configuration)) for configuration in configurations]
+        return unknowns
 
     def name_in(self, configuration: str) -> str:
         """Return the name of the value or of the individual part of one configuration."""
         return f"{self.name} @ {configuration}"
 
-    def base(self, name: str, configurations: tuple[str, ...] | None) -> Unknown:
-        """Return the unknown of the value at the references."""
-        fields = ("address", "lower", "upper", "start", "scale", "prior", "multiple", "also")
-        given = {field: getattr(self, field) for field in fields}
-        return replace(Unknown(**given), name=name, configurations=configurations)
+    def base(self, name: str, configurations: tuple[str, ...] | None, start: float | None = None) -> Unknown:
+        """Return the unknown of the value at the references; another start is moved within the bounds."""
+        start = self.start if start is None else min(max(start, self.lower), self.upper)
+        fields = ("address", "lower", "upper", "scale", "prior", "multiple", "also")
+        values = {field: getattr(self, field) for field in fields}
+        return Unknown(**values, start=start, name=name, configurations=configurations)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -381,20 +341,6 @@ class Tolerance:
 
     It is fitted in units of its standard deviation, with a standard normal prior. Tolerances with the same name are one
     error in all observations and addresses.
-
-    Parameters
-    ----------
-    name : str
-        Name of the error.
-    moves : mapping of str to float
-        Addresses, possibly with `segment[*]`, and their standard deviations, in SI units or of the natural logarithm if
-        `relative`. A negative number has the opposite sign of the error.
-    relative : bool, optional
-        Whether the standard deviations are relative: 0.01 is 1 %.
-    configurations : str or sequence of str, optional
-        Configurations or labels of the observations that have the error; by default all that have the address.
-    labels : str or sequence of str, optional
-        Labels of the observations that have the error.
 
     Raises
     ------
@@ -409,10 +355,17 @@ class Tolerance:
     """
 
     name: str
+    """Name of the error."""
     moves: Mapping[str, float]
+    """Addresses, possibly with `segment[*]`, and their standard deviations, in SI units or of the natural logarithm if
+    `relative`. A negative number has the opposite sign of the error."""
     relative: bool = False
+    """Whether the standard deviations are relative: 0.01 is 1 %."""
     configurations: tuple[str, ...] | None = None
+    """Configurations or labels of the observations that have the error, one name or several; by default all that have
+    the address."""
     labels: tuple[str, ...] | str | None = None
+    """Labels of the observations that have the error, one or several; by default all."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
@@ -424,7 +377,7 @@ class Tolerance:
         for address, deviation in moves.items():
             if deviation == 0.0:
                 raise ValueError(f"{owner}: the standard deviation of {address} is 0, expected another number")
-        configurations, labels = (listed(owner, names) for names in (self.configurations, self.labels))
+        configurations, labels = (names_of_configurations(owner, names) for names in (self.configurations, self.labels))
         _checks.set_fields(self, {"moves": moves, "configurations": configurations, "labels": labels})
 
 
@@ -434,20 +387,7 @@ class Move(Unknown):
 
     A parameter v becomes v exp(n u) if `relative`, else v + n u, with the unknown u and the given number n. Examples
     are a relative error of all moduli of a tool, a shift of the boundary between two segments, and the exponent of a
-    force level.
-
-    Parameters
-    ----------
-    address, lower, upper, start, prior, configurations, name
-        As in `Unknown`, but the address is a free name. The scale is linear.
-    moves : mapping of str to float
-        Addresses, possibly with `segment[*]`, and the numbers n.
-    relative : bool, optional
-        Whether the unknown is a natural logarithm.
-    of : str, optional
-        Name of a condition, or an address: n is multiplied by log(condition / reference) in observations that have it.
-    reference : float, optional
-        Value of this condition without a change.
+    force level. The address is a free name, and the scale is linear.
 
     Raises
     ------
@@ -464,9 +404,14 @@ class Move(Unknown):
     """
 
     moves: Mapping[str, float]
+    """Addresses, possibly with `segment[*]`, and the numbers n."""
     relative: bool = False
+    """Whether the unknown is a natural logarithm."""
     of: str = ""
+    """Name of a condition, or an address: n is multiplied by log(condition / reference) in observations that have
+    it."""
     reference: float = 1.0
+    """Value of this condition without a change."""
 
     def __post_init__(self) -> None:
         if self.scale is None:
@@ -509,10 +454,26 @@ class Variables:
         return np.array([unknown.scale == "log" for unknown in self.unknowns])
 
     @cached_property
+    def bounds(self) -> NDArray[np.float64]:
+        """Lower and upper bounds of the values, `(2, p)`."""
+        return np.array([[unknown.lower, unknown.upper] for unknown in self.unknowns]).reshape(-1, 2).T
+
+    @cached_property
     def limits(self) -> NDArray[np.float64]:
         """Lower and upper bounds of the variables, `(2, p)`."""
-        bounds = [[unknown.lower for unknown in self.unknowns], [unknown.upper for unknown in self.unknowns]]
-        return np.array([self.from_values(np.array(side)) for side in bounds])
+        return np.array([self.from_values(side) for side in self.bounds])
+
+    @cached_property
+    def priors(self) -> NDArray[np.float64]:
+        """The priors as residuals a x - b of variables x: rows of the variable's number, a and b, `(k, 3)`."""
+        rows = []
+        for i, unknown in enumerate(self.unknowns):
+            if unknown.prior is not None:
+                deviation, mean = unknown.prior.standard_deviation, unknown.prior.mean
+                logarithmic = unknown.scale == "log"
+                slope, offset = (math.log(10.0), math.log(mean)) if logarithmic else (1.0, mean)
+                rows.append((i, slope / deviation, offset / deviation))
+        return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
     @cached_property
     def start(self) -> NDArray[np.float64]:
@@ -530,7 +491,7 @@ class Variables:
         result = variables.copy()
         np.power(10.0, variables, out=result, where=self.logarithmic)
         # Ten to the logarithm of a bound may exceed it by rounding.
-        return np.clip(result, [u.lower for u in self.unknowns], [u.upper for u in self.unknowns])
+        return np.clip(result, *self.bounds)
 
     def slopes(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivative of the values with respect to the variables."""
@@ -551,26 +512,24 @@ class Variables:
         for rank in ranks:
             rng.shuffle(rank)
         share = (ranks.T - share) / (starts - 1)
-        found = low + (high - low) * share
+        drawn = low + (high - low) * share
         normal = special.ndtri(np.minimum(share, _LARGEST_SHARE))
-        for i, unknown in enumerate(self.unknowns):
-            if unknown.prior is not None:
-                scale = math.log(10.0) if unknown.scale == "log" else 1.0
-                middle = math.log10(unknown.prior.mean) if unknown.scale == "log" else unknown.prior.mean
-                found[:, i] = middle + unknown.prior.standard_deviation / scale * normal[:, i]
-        return np.vstack([self.start, np.clip(found, low, high)])
+        numbers, slopes, offsets = self.priors.T
+        numbers = numbers.astype(np.intp)
+        drawn[:, numbers] = (offsets + normal[:, numbers]) / slopes
+        return np.vstack([self.start, np.clip(drawn, low, high)])
 
 
 def covered(address: str, assembly: Assembly) -> frozenset[str]:
     """Return the parameters of the assembly that match an address, several with `segment[*]`."""
-    found = assembly.matches.get(address)
-    if found is None:
-        found = assembly.matches[address] = _covered(address, assembly.parameters)
-    return found
+    matches = assembly.matches.get(address)
+    if matches is None:
+        matches = assembly.matches[address] = _covered(address, assembly.parameters)
+    return matches
 
 
-def _covered(address: str, known: tuple[str, ...]) -> frozenset[str]:
+def _covered(address: str, parameters: tuple[str, ...]) -> frozenset[str]:
     if "[*]" not in address:
-        return frozenset((address,) if address in known else ())
+        return frozenset((address,) if address in parameters else ())
     pattern = re.compile(re.escape(address).replace(r"\[\*\]", r"\[\d+\]"))
-    return frozenset(name for name in known if pattern.fullmatch(name))
+    return frozenset(name for name in parameters if pattern.fullmatch(name))

@@ -16,14 +16,13 @@ model far below those of any measurement appear as effects.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
-from receptance.errors import ReceptanceWarning
+from receptance.errors import warn_user
 from receptance.frf.plausibility import low_frequency_rise
 from receptance.frf.variance import LINES_AT_ONCE, additive_share, lines_around, resolution
 
@@ -49,13 +48,6 @@ class Floor:
 
     Every line has them as independent errors.
 
-    Parameters
-    ----------
-    relative : float, optional
-        Standard deviation of the real and of the imaginary part of the logarithm, on every line.
-    frequency : float, optional
-        Relative standard deviation of the frequency of a line.
-
     Raises
     ------
     TypeError, ValueError
@@ -69,7 +61,9 @@ class Floor:
     """
 
     relative: float = 0.003
+    """Standard deviation of the real and of the imaginary part of the logarithm, on every line."""
     frequency: float = 1e-4
+    """Relative standard deviation of the frequency of a line."""
 
     def __post_init__(self) -> None:
         names = ("relative", "frequency")
@@ -113,7 +107,7 @@ def _slope_squared(
     x = np.log(lines)
     # The sum of the logarithms of ratios has no jumps of phase.
     y = np.concatenate([[0.0], np.cumsum(np.log(values[1:] / values[:-1]))])
-    own = np.zeros(n) if noise is None else noise
+    variance = np.zeros(n) if noise is None else noise
     result = np.zeros(n)
     pending = np.ones(n, dtype=np.bool_)
     at = np.arange(n)
@@ -123,8 +117,8 @@ def _slope_squared(
         dx = x[near] - x[near].mean(axis=1, keepdims=True)
         power = np.sum(dx**2, axis=1)
         slope = np.sum(dx * y[near], axis=1) / power
-        added = 2.0 * own / power
-        quiet = frequency**2 * added <= _SLOPE_NOISE**2 * 2.0 * own
+        added = 2.0 * variance / power
+        quiet = frequency**2 * added <= _SLOPE_NOISE**2 * 2.0 * variance
         done = pending & (quiet | (half == widest))
         result[done] = np.maximum(np.abs(slope) ** 2 - added, 0.0)[done]
         pending &= ~done
@@ -201,7 +195,7 @@ class Noise:
                     f"{owner}: {cause}, so they would have infinite weight; give a floor, floor=0.003 for example"
                 )
             notes.append(f"{cause}: the floor of {floor} is the only standard deviation")
-            warnings.warn(f"{owner}: {notes[-1]}", ReceptanceWarning, stacklevel=2)
+            warn_user(f"{owner}: {notes[-1]}")
         elif exact.any():
             variance = np.where(exact, least := resolution(variance), variance)
             notes.append(
@@ -257,11 +251,11 @@ def smoothed_variance(
     stride = np.maximum(np.rint(correlated_lines), 1.0).astype(np.intp)
     share = additive_share(values, log_variance, correlated_lines)
     for first in range(0, values.size, LINES_AT_ONCE):
-        own = np.arange(first, min(first + LINES_AT_ONCE, values.size))
+        lines = np.arange(first, min(first + LINES_AT_ONCE, values.size))
         # The caller checks variances of zero; no parabola fits such lines.
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = power[own] / _smooth_power(own, frequency_hz, values, 2.0 * log_variance * power, stride[own])
-        result[own] *= 1.0 + share[own] * (ratio - 1.0)
+            ratio = power[lines] / _smooth_power(lines, frequency_hz, values, 2.0 * log_variance * power, stride[lines])
+        result[lines] *= 1.0 + share[lines] * (ratio - 1.0)
     return result
 
 
@@ -277,20 +271,20 @@ def few_degrees_factor(degrees_of_freedom: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def _smooth_power(
-    own: NDArray[np.intp],
+    lines: NDArray[np.intp],
     frequency_hz: NDArray[np.float64],
     values: NDArray[np.complex128],
     noise: NDArray[np.float64],
     stride: NDArray[np.intp],
 ) -> NDArray[np.float64]:
     """Return |H|^2 from the widest parabola through neighbours that fits within the noise, else as measured."""
-    power = np.abs(values[own]) ** 2
-    pending = np.arange(own.size)
+    power = np.abs(values[lines]) ** 2
+    pending = np.arange(lines.size)
     for half in _HALF_WIDTHS:
         pending = pending[2 * half * stride[pending] < values.size]
         if not pending.size:
             break
-        at, step = own[pending], stride[pending]
+        at, step = lines[pending], stride[pending]
         near = lines_around(at, half, step, values.size)
         others = np.abs(near - at[:, None]) >= step[:, None]
         x = frequency_hz[near] - frequency_hz[at, None]

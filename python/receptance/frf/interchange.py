@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from receptance._extras import require
+from receptance.errors import require
 from receptance.frf.data import PER_ENTRY, PER_LINE, WITHOUT_AXES, FRFData
 from receptance.model.coordinates import Coordinate, UnknownPosition
 

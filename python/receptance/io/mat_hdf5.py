@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 
-from receptance._extras import require
 from receptance._files import LARGEST, open_file
+from receptance.errors import require
 from receptance.io.arrays import measurements_of, named_items, requested_names
 from receptance.io.build import ReadOptions
 from receptance.io.errors import BYTES_PER_SECOND, FileFormatError, allowed_seconds, check_size

@@ -31,10 +31,12 @@ QUANTITIES = {
     for name, quantity in element.quantities.items()
 }
 """Quantities of parameters by the last word of their addresses; ground springs and resonators add no names."""
+_OF_MOTION: dict[str, type | tuple[type, ...]] = {"axial": (Part, PointJoint), "torsion": Part}
+"""Elements of a chain that have a motion; all have bending."""
 _SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
 
 
-def check_chain(elements: Sequence[Any], points: Sequence[Any], motion: str) -> None:
+def check_chain(elements: Sequence[ChainElement], points: Sequence[Attachment], motion: str) -> None:
     """Raise if the elements are not a chain from the tip to the far end, or a point is not a point element."""
     for index, element in enumerate(elements):
         if not isinstance(element, ChainElement):
@@ -47,10 +49,12 @@ def check_chain(elements: Sequence[Any], points: Sequence[Any], motion: str) -> 
                 f"Assembly: chain[{index}] is a {type(element).__name__}, which is known at one plane only; it must "
                 "be the last element"
             )
-        if motion != "bending" and not isinstance(element, (Part, PointJoint)):
-            raise ValueError(f"Assembly: chain[{index}] is a {type(element).__name__}, which supports bending only")
+        if not isinstance(element, _OF_MOTION.get(motion, object)):
+            raise ValueError(f"Assembly: chain[{index}] is a {type(element).__name__}, which has no {motion} motion")
         if isinstance(element, PointJoint):
             element.check_motion(motion)
+    if points and motion == "torsion":
+        raise ValueError("Assembly: attachments have no torsion motion")
     for index, point in enumerate(points):
         if not isinstance(point, Attachment):
             raise TypeError(
@@ -81,16 +85,16 @@ def segment_fields(address: str, part: Part, rest: str) -> list[tuple[int, str]]
     indices = range(count) if number == "*" else [int(number)]
     if indices[0] >= count:
         raise ValueError(f"there is no parameter {address!r}: the part has {count} segment(s), counted from 0")
-    known = [column.address for column in Segment.layout if column.address]
-    if name not in known:
-        raise ValueError(f"there is no parameter {address!r}; a segment has {', '.join(known)}")
+    names = [column.address for column in Segment.layout if column.address]
+    if name not in names:
+        raise ValueError(f"there is no parameter {address!r}; a segment has {', '.join(names)}")
     pairs = [(i, name) for i in indices if name in part.segments[i].places]
     if not pairs:
         raise ValueError(f"there is no parameter {address!r}: the segment has no core")
     return pairs
 
 
-def names_of(elements: Sequence[Any]) -> list[str]:
+def names_of(elements: Sequence[ChainElement | Attachment]) -> list[str]:
     """Return the names of elements, with default names for unnamed ones; raise for names that are no words or equal."""
     roles = [element.role for element in elements if not element.name]
     names: list[str] = []
@@ -117,13 +121,13 @@ def edges_of(part: Any) -> list[float]:
     return edges
 
 
-def place_on(elements: Mapping[str, Any], owner: str, part: str, position: float | str) -> tuple[str, float]:
+def place_on(elements: Mapping[str, ChainElement], owner: str, part: str, position: float | str) -> tuple[str, float]:
     """Return the name of the part and the position along it in m, rounded to an end of a segment within 1e-9 of it."""
     name = part or next(iter(elements))
     element = elements.get(name)
     if not isinstance(element, Part):
-        known = ", ".join(repr(key) for key, value in elements.items() if isinstance(value, Part))
-        raise ValueError(f"{owner}: there is no part {name!r}; the parts are {known}")
+        parts = ", ".join(repr(key) for key, value in elements.items() if isinstance(value, Part))
+        raise ValueError(f"{owner}: there is no part {name!r}; the parts are {parts}")
     edges = edges_of(element)
     if position == "end":
         return name, edges[-1]
@@ -138,30 +142,22 @@ def place_on(elements: Mapping[str, Any], owner: str, part: str, position: float
     return name, x
 
 
-def points_of(elements: Mapping[str, Any], name: str, attachment: Attachment) -> tuple[str, list[float]]:
+def points_of(elements: Mapping[str, ChainElement], name: str, attachment: Attachment) -> tuple[str, list[float]]:
     """Return the name of the part and the positions in m at which an attachment acts."""
     owner = f"attachment {name!r}"
     part, x = place_on(elements, owner, attachment.part, attachment.position)
     return part, [place_on(elements, owner, part, x + offset)[1] for offset in attachment.offsets]
 
 
-class MovingCoordinate:
-    """A coordinate of an assembly that stays at an end of a segment when a length changes, elsewhere in place."""
-
-    def __init__(self, elements: Mapping[str, ChainElement], coordinate: Coordinate) -> None:
-        self._coordinate = coordinate
-        self._edge: int | None = None
-        part, x = place_on(elements, "coordinate", coordinate.part, coordinate.position)
-        edges = edges_of(elements[part])
-        if coordinate.position != "end" and x in edges:
-            self._edge = edges.index(x)
-
-    def on(self, elements: Mapping[str, ChainElement]) -> Coordinate:
-        """Return the coordinate on elements with other lengths."""
-        if self._edge is None:
-            return self._coordinate
-        part = self._coordinate.part or next(iter(elements))
-        return replace(self._coordinate, position=edges_of(elements[part])[self._edge])
+def moved_coordinate(
+    coordinate: Coordinate, elements: Mapping[str, ChainElement], others: Mapping[str, ChainElement]
+) -> Coordinate:
+    """Return a coordinate on elements as one on others with other lengths; it stays at an end of a segment."""
+    part, x = place_on(elements, "coordinate", coordinate.part, coordinate.position)
+    edges = edges_of(elements[part])
+    if coordinate.position == "end" or x not in edges:
+        return coordinate
+    return replace(coordinate, position=edges_of(others[part])[edges.index(x)])
 
 
 def listed(addresses: str | Sequence[str]) -> tuple[str, ...]:

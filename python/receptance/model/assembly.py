@@ -22,7 +22,7 @@ from receptance.model.addresses import (
     points_of,
     segment_fields,
 )
-from receptance.model.beams import Part
+from receptance.model.beams import Material, Part
 from receptance.model.coordinates import Coordinate, as_coordinates
 from receptance.model.core_tables import MOTIONS, Flat, Motion, Tied, distinct, flatten, force_amplitudes, rows_of
 from receptance.model.joints import PointJoint
@@ -52,8 +52,9 @@ class Assembly(Renderable):
         `part`, `joint` and `spindle`, with numbers if there are several.
     attachments : iterable of PointMass, GroundSpring and Resonator, optional
         Point elements, each with its part and position. Unnamed ones get the names `mass`, `ground` and `resonator`.
-    motion : {"bending", "axial"}, optional
-        In axial motion parts are rods, "y", k_y and c_y are axial, and rotational properties are not used.
+    motion : {"bending", "axial", "torsion"}, optional
+        In axial motion parts are rods, "y", k_y and c_y are axial, and rotational properties are not used. In torsion
+        there are parts alone, and "y" is the rotation about their axis, in rad/(N m).
 
     Raises
     ------
@@ -81,8 +82,7 @@ class Assembly(Renderable):
     def __init__(
         self, chain: Iterable[ChainElement], attachments: Iterable[Attachment] = (), *, motion: Motion = "bending"
     ) -> None:
-        if motion not in MOTIONS:
-            raise ValueError(f"Assembly: motion is {motion!r}, expected one of {', '.join(MOTIONS)}")
+        _checks.one_of("Assembly", "motion", motion, MOTIONS)
         self.motion = motion
         elements = tuple(chain) if not isinstance(chain, ChainElement) else (chain,)
         points = tuple(attachments)
@@ -214,26 +214,16 @@ class Assembly(Renderable):
         threads: int | None = None,
         force: ArrayLike | None = None,
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Return the receptance and its derivatives with respect to parameters.
+        """Return the receptance and its derivatives with respect to parameters, see `parameters`.
 
-        Parameters
-        ----------
-        parameters : sequence of str
-            Addresses, see `parameters`.
-        frequency_hz, response, excitation, threads, force
-            As in `receptance`.
-
-        Returns
-        -------
-        receptance, derivative : ndarray
-            As in `receptance`; the derivative has an additional last axis over the parameters, per SI unit.
+        The other arguments are those of `receptance`, and so is the first result. The derivatives have an additional
+        last axis over the parameters, per SI unit.
 
         Examples
         --------
-        >>> from receptance import STEEL, Assembly, Part, PointJoint, Segment
-        >>> bar = Segment(length=0.1, outer_diameter=0.02, material=STEEL)
-        >>> pair = Assembly([Part([bar], name="tool"), PointJoint(k_y=1e8, k_theta=1e5), Part([bar], name="holder")])
-        >>> _, slope = pair.derivatives([500.0, 900.0], ["joint.k_y", "tool.segment[0].outer_diameter"])
+        >>> from receptance import STEEL, Assembly, Part, Segment
+        >>> bar = Assembly([Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")])
+        >>> _, slope = bar.derivatives([500.0, 900.0], ["bar.segment[0].length", "bar.segment[0].outer_diameter"])
         >>> slope.shape
         (2, 2)
         """
@@ -242,14 +232,8 @@ class Assembly(Renderable):
     def natural_frequencies(self, upper_hz: float) -> NDArray[np.float64]:
         """Return the undamped natural frequencies up to `upper_hz`, ascending, in Hz, without rigid-body modes.
 
-        Loss factors and dashpots are ignored. The count of Wittrick and Williams (1971) ensures that none is missed.
-
-        Raises
-        ------
-        ValueError
-            A limit that is not positive.
-        SingularInterfaceError
-            A joint with a dashpot only.
+        Loss factors and dashpots are ignored. The count of Wittrick and Williams (1971) ensures that none is missed. A
+        joint with a dashpot only is a SingularInterfaceError.
         """
         return self.natural_frequency_derivatives(upper_hz, ())[0]
 
@@ -301,16 +285,6 @@ class Assembly(Renderable):
         ------
         ReceptanceError
             A mode that cannot be followed, because it ceases to oscillate or meets another one.
-
-        Examples
-        --------
-        >>> from dataclasses import replace
-        >>> from receptance import STEEL, Assembly, Part, Segment
-        >>> bar = Segment(length=0.2, outer_diameter=0.02, material=replace(STEEL, loss_factor=0.002))
-        >>> bar = Assembly([Part([bar], name="bar")])
-        >>> frequency, _ = bar.complex_frequencies(bar.natural_frequencies(5e3))
-        >>> round(float(frequency[0].imag / abs(frequency[0])), 5)  # half the loss factor
-        0.001
         """
         flat = self.flat()
         rows, matrix = self._weights(flat, listed(parameters))
@@ -321,13 +295,13 @@ class Assembly(Renderable):
 
     def get(self, address: str) -> float:
         """Return the value of a parameter; for `segment[*]` all segments must have the same value."""
-        known = self.flat().values
-        if address in known:
-            return known[address]
-        values = {known[name] for name in self._named(address)}
+        parameters = self.flat().values
+        if address in parameters:
+            return parameters[address]
+        values = {parameters[name] for name in self._named(address)}
         if len(values) > 1:
-            found = ", ".join(f"{value:g}" for value in sorted(values))
-            raise ValueError(f"{address!r} has different values in the segments: {found}")
+            texts = ", ".join(f"{value:g}" for value in sorted(values))
+            raise ValueError(f"{address!r} has different values in the segments: {texts}")
         return values.pop()
 
     def replace(self, values: Mapping[str, float]) -> Assembly:
@@ -353,12 +327,12 @@ class Assembly(Renderable):
                 self._named(address)  # raises if there is no such parameter
                 changes.setdefault(name, {})[rest] = value
         # All values of an element are replaced together, because only together they may be valid.
-        for (name, i), own in in_segments.items():
+        for (name, i), changed in in_segments.items():
             segments = list(elements[name].segments)
-            segments[i] = segments[i].with_values(own)
+            segments[i] = segments[i].with_values(changed)
             elements[name] = replace(elements[name], segments=tuple(segments))
-        for name, own in changes.items():
-            elements[name] = elements[name].with_values(own)
+        for name, changed in changes.items():
+            elements[name] = elements[name].with_values(changed)
         for name, attachment in self._attachments.items():
             # An attachment at an end of a segment stays there, as its derivative assumes.
             part, along = points_of(self._elements, name, attachment)
@@ -385,24 +359,11 @@ class Assembly(Renderable):
         planes: bool = False,
         threads: int | None = None,
     ) -> _core.JointReduction:
-        """Reduce the assembly to one joint; the rest of the assembly is evaluated once.
+        """Return a handle of the core for fits and sweeps of one `PointJoint`; the rest is evaluated once.
 
-        Parameters
-        ----------
-        joint : str
-            Name of a `PointJoint`.
-        frequency_hz, response, excitation, threads
-            As in `receptance`.
-        at : PointJoint, optional
-            Joint for the evaluation of the assembly; by default that of the assembly.
-        planes : bool, default False
-            Keep H_0, F_r (2), F_e (2), Y (3) of (T7) on each line, real and imaginary parts, instead of the power
-            series (T7a); the method `planes` of the result returns them, `(16, n)`.
-
-        Returns
-        -------
-        JointReduction
-            A handle of the core for fits and sweeps of the joint.
+        The assembly is evaluated with the joint `at`, by default its own. With `planes`, H_0, F_r (2), F_e (2) and Y
+        (3) of (T7) are kept on each line, real and imaginary parts, instead of the power series (T7a); the method
+        `planes` of the result returns them, `(16, n)`. Lines, coordinates and threads are those of `receptance`.
         """
         if not isinstance(self._elements.get(joint), PointJoint) or self.flat().rows["slips"]:
             raise ValueError(f"{self!r} has no PointJoint {joint!r}, or has a joint in micro-slip")
@@ -425,21 +386,10 @@ class Assembly(Renderable):
     def poles(
         self, starts: NDArray[np.complex128], radii: tuple[float, float], angles: tuple[float, float]
     ) -> tuple[NDArray[np.complex128], int]:
-        """Return complex natural frequencies in a sector; `damped_modes` chooses the arguments.
+        """Return complex natural frequencies in Hz in a sector; `damped_modes` chooses the arguments.
 
-        Parameters
-        ----------
-        starts : ndarray
-            Approximate complex frequencies in Hz.
-        radii, angles : pair of float
-            Limits of the sector: magnitudes in Hz and angles from the real axis in rad.
-
-        Returns
-        -------
-        frequency_hz : ndarray
-            Complex natural frequencies in Hz.
-        missed : int
-            Number of further ones that were counted by the argument principle and not found.
+        The search begins at `starts`, in Hz. The sector has magnitudes in Hz and angles from the real axis in rad. The
+        second result is the number of further frequencies that were counted by the argument principle and not found.
         """
         flat = self.flat()
         with flat.joints_by_name():
@@ -455,29 +405,26 @@ class Assembly(Renderable):
     def tied(
         self, addresses: Sequence[str], points: tuple[Coordinate, ...] = (), *, others: Collection[str] = ()
     ) -> Tied:
-        """Return the model of the core as a function of addresses.
+        """Return the model of the core as a function of addresses of parameters.
 
-        Parameters
-        ----------
-        addresses : sequence of str
-            Addresses of parameters and of observations.
-        points : tuple of Coordinate, optional
-            Coordinates of responses and excitations.
-        others : collection of str, optional
-            The addresses of observations, which are in no table.
+        Addresses among `others` are those of observations, which are in no table. `points` are coordinates of responses
+        and excitations.
         """
-        known = self._tied.get(points)
-        if known is not None and known[0] == addresses:
-            return known[1]
+        last = self._tied.get(points)
+        if last is not None and last[0] == addresses:
+            return last[1]
         flat = self.flat(points)
-        names = [[] if one in others else [one] if one in flat.entries else self._named(one) for one in addresses]
+        names = [
+            [] if address in others else [address] if address in flat.entries else self._named(address)
+            for address in addresses
+        ]
         for address, name in zip(addresses, names, strict=True):
             if len(name) > 1:
                 self.get(address)  # raises if the segments differ
-        found = Tied(flat, names, self._points(flat, points))
+        tied = Tied(flat, names, self._points(flat, points))
         # A diagnosis varies the same addresses of an assembly in many ways, one after the other.
-        self._tied[points] = addresses, found
-        return found
+        self._tied[points] = addresses, tied
+        return tied
 
     def _evaluate(
         self,
@@ -526,26 +473,28 @@ class Assembly(Renderable):
 
     def _weights(self, flat: Flat, addresses: tuple[str, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the distinct table entries of addresses, and the matrix of their rates; see `distinct`."""
-        return distinct([[entry for name in self._named(one) for entry in flat.entries[name]] for one in addresses])
+        return distinct(
+            [[entry for name in self._named(address) for entry in flat.entries[name]] for address in addresses]
+        )
 
     def _named(self, address: str) -> list[str]:
         """Return the parameters at an address, several with `segment[*]`."""
-        known = self.flat().entries
-        if address in known:
+        entries = self.flat().entries
+        if address in entries:
             return [address]
         owner, rest = self._owner(address)
         first = address.split(".", 1)[0] + "."
         if isinstance(owner, Part):
             return [f"{first}segment[{i}].{field}" for i, field in segment_fields(address, owner, rest)]
-        names = ", ".join(name.removeprefix(first) for name in known if name.startswith(first))
+        names = ", ".join(name.removeprefix(first) for name in entries if name.startswith(first))
         raise ValueError(f"there is no parameter {address!r}; {type(owner).__name__} has {names}")
 
     def _owner(self, address: str) -> tuple[Any, str]:
         name, dot, rest = str(address).partition(".")
         owner = self._elements.get(name) or self._attachments.get(name)
         if owner is None or not dot:
-            known = ", ".join([*self._elements, *self._attachments])
-            raise ValueError(f"there is no parameter {address!r}: its first word must be one of {known}")
+            owners = ", ".join([*self._elements, *self._attachments])
+            raise ValueError(f"there is no parameter {address!r}: its first word must be one of {owners}")
         return owner, rest
 
     def __repr__(self) -> str:
@@ -577,8 +526,8 @@ def _element_tables(assembly: Assembly) -> list[Table]:
                         1e3 * segment.length,
                         1e3 * segment.outer_diameter,
                         1e3 * segment.inner_diameter,
-                        segment.material.name,
-                        segment.core.name if segment.core is not None else "",
+                        _material(segment.material),
+                        "" if segment.core is None else _material(segment.core),
                     )
                 )
         else:
@@ -598,14 +547,19 @@ def _element_tables(assembly: Assembly) -> list[Table]:
     return tables
 
 
-def _values(element: Any) -> str:
-    found = []
-    for one in fields(element) if is_dataclass(element) else ():
-        value = getattr(element, one.name)
+def _material(material: Material) -> str:
+    constants = f"E {1e-9 * material.youngs_modulus:.4g} GPa, {material.density:.5g} kg/m3"
+    return material.name or constants
+
+
+def _values(element: ChainElement | Attachment) -> str:
+    texts = []
+    for quantity in fields(element) if is_dataclass(element) else ():
+        value = getattr(element, quantity.name)
         if isinstance(value, bool) or not isinstance(value, (int, float)) or value == 0.0:
             continue
-        found.append(f"{one.name} {value:.4g}")
+        texts.append(f"{quantity.name} {value:.4g}")
     where = getattr(element, "position", None)
-    if where is not None and f"position {where:.4g}" not in found if isinstance(where, float) else where == "end":
-        found.append(f"position {where}")
-    return ", ".join(found)
+    if where is not None and f"position {where:.4g}" not in texts if isinstance(where, float) else where == "end":
+        texts.append(f"position {where}")
+    return ", ".join(texts)

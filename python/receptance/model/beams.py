@@ -7,13 +7,10 @@ from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from receptance import _checks, _core, units
+from receptance import _checks, units
 from receptance.errors import warn_user
-from receptance.model.fields import Choice, Count, Element, Field, Member, Number
-from receptance.model.joints import WIDTHS
-from receptance.report import Column, Renderable, Table
+from receptance.model.fields import Choice, Count, Element, Field, Member, Name, Number
 
 _SOFTEST = 1e5
 """Young's modulus in Pa below which a wrong unit is suspected."""
@@ -53,7 +50,7 @@ class Material(Element):
     name: Annotated[str, Field("name in reports and files")] = field(default="", compare=False)
 
     def __post_init__(self) -> None:
-        self.check()
+        super().__post_init__()
         if self.youngs_modulus < _SOFTEST:
             warn_user(
                 f"{self.owner}: youngs_modulus is {self.youngs_modulus:g} Pa, softer than rubber; give it in Pa, "
@@ -102,7 +99,7 @@ class _CircularSection(Element):
     ] = "cowper"
 
     def __post_init__(self) -> None:
-        self.check()
+        super().__post_init__()
         if self.inner_diameter >= self.outer_diameter:
             raise ValueError(
                 f"{self.owner}: inner_diameter is {self.inner_diameter:g} m, expected less than the outer diameter "
@@ -127,11 +124,6 @@ class Section(_CircularSection):
     Parameters
     ----------
     {fields}
-
-    Raises
-    ------
-    ValueError, TypeError
-        A value out of its bounds; the message names it.
 
     Examples
     --------
@@ -171,7 +163,7 @@ class Segment(_CircularSection, _Length):
 
 
 @dataclass(frozen=True)
-class Part(Renderable):
+class Part:
     """A part: rigidly connected segments along x, from the tip-side end to the far end.
 
     Parameters
@@ -183,11 +175,10 @@ class Part(Renderable):
 
     Examples
     --------
-    >>> import numpy as np
     >>> from receptance import STEEL, Part, Segment
     >>> bar = Part([Segment(length=0.125, outer_diameter=0.01, material=STEEL)], name="bar")
-    >>> bar.receptance(np.linspace(100.0, 5000.0, 50)).shape
-    (50, 4, 4)
+    >>> f"{bar.length:g} m, {1e3 * bar.mass:.1f} g"
+    '0.125 m, 77.1 g'
     """
 
     segments: tuple[Segment, ...]
@@ -209,102 +200,6 @@ class Part(Renderable):
     def mass(self) -> float:
         """Mass in kg."""
         return sum(segment.mass for segment in self.segments)
-
-    def segment_rows(self) -> NDArray[np.float64]:
-        """Return the segments in the form of the core, `(n_segments, 14)`, with nodes numbered along x."""
-        rows = [(float(i), float(i + 1), *segment.columns) for i, segment in enumerate(self.segments)]
-        return np.array(rows)
-
-    def receptance(self, frequency_hz: ArrayLike, *, threads: int | None = None) -> NDArray[np.complex128]:
-        """Return the receptance matrix of the free part over both ends.
-
-        Parameters
-        ----------
-        frequency_hz : array_like
-            `(n,)` ascending lines in Hz; complex lines (w - i sigma)/(2 pi) belong to an exponential
-            window with the decay rate sigma.
-        threads : int, optional
-            Threads over frequency lines; by default RECEPTANCE_THREADS or all that this process may use.
-
-        Returns
-        -------
-        ndarray
-            `(n, 4, 4)` complex, rows y1 [m], theta1 [rad], y2, theta2; columns F1 [N], M1 [N m], F2, M2.
-
-        Raises
-        ------
-        ValueError
-            No lines, or lines that are not ascending, finite and positive.
-        ResonanceError
-            A line at the frequency of an undamped resonance.
-        """
-        ends = np.array([[node, way] for node in (0, len(self.segments)) for way in (0, 1)], dtype=np.float64)
-        return self._receptance(frequency_hz, 0, ends, threads)
-
-    def axial_receptance(self, frequency_hz: ArrayLike, *, threads: int | None = None) -> NDArray[np.complex128]:
-        """Return the axial receptance of the free part, shape `(n, 2, 2)` over the ends, in m/N; see `receptance`."""
-        return self._receptance(frequency_hz, 1, np.array([[0.0, 0.0], [len(self.segments), 0.0]]), threads)
-
-    def torsional_receptance(self, frequency_hz: ArrayLike, *, threads: int | None = None) -> NDArray[np.complex128]:
-        """Return the torsional receptance of the free part, `(n, 2, 2)` over the ends in rad/(N m)."""
-        return self._receptance(frequency_hz, 2, np.array([[0.0, 0.0], [len(self.segments), 0.0]]), threads)
-
-    def _receptance(
-        self, frequency_hz: ArrayLike, motion: int, ends: NDArray[np.float64], threads: int | None
-    ) -> NDArray[np.complex128]:
-        lines = _core.Lines(_checks.frequencies(frequency_hz), 2.0 * np.pi)
-        count = _checks.thread_count(threads)
-        return self._model(motion).receptance(lines, ends, ends, np.zeros((0, 3)), count)[0]
-
-    def _model(self, motion: int = 0) -> _core.Model:
-        return _core.Model(motion, self.segment_rows(), *(np.zeros((0, width)) for width in WIDTHS))
-
-    def natural_frequencies(self, upper_hz: float) -> NDArray[np.float64]:
-        """Return the undamped bending frequencies of the free part up to `upper_hz` in Hz, without rigid-body modes.
-
-        Examples
-        --------
-        >>> from receptance import Material, Part, Segment
-        >>> steel = Material(youngs_modulus=200e9, density=7800.0, poisson_ratio=0.29)
-        >>> Part([Segment(length=0.125, outer_diameter=0.010, material=steel)]).natural_frequencies(15e3).round(2)
-        array([ 2837.3 ,  7597.39, 14325.63])
-        """
-        upper = 2.0 * np.pi * _checks.positive("natural_frequencies", "upper_hz", upper_hz, unit="Hz")
-        angular, _ = self._model().natural_frequencies(upper, 2**31, np.zeros((0, 3)))
-        return angular / (2.0 * np.pi)
-
-    @property
-    def title(self) -> str:
-        """Title of `summary`."""
-        return f"Part {self.name}".rstrip()
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Notes for the user: none."""
-        return ()
-
-    def tables(self) -> list[Table]:
-        """Return the table of `summary`: dimensions and material of the segments."""
-        columns = (
-            Column("segment", form="d"),
-            Column("length", "mm"),
-            Column("outer", "mm"),
-            Column("inner", "mm"),
-            Column("E", "GPa"),
-            Column("density", "kg/m3", ".5g"),
-        )
-        rows = [
-            (
-                index,
-                1e3 * segment.length,
-                1e3 * segment.outer_diameter,
-                1e3 * segment.inner_diameter,
-                1e-9 * segment.material.youngs_modulus,
-                segment.material.density,
-            )
-            for index, segment in enumerate(self.segments)
-        ]
-        return [Table("", columns, rows)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -375,14 +270,12 @@ class SpreadJoint(Element):
             column=True,
         ),
     ] = None
-    name: Annotated[
-        str, Field("first word of the addresses of its parameters, as in `joint.k_y` or `joint.shank.outer_diameter`")
-    ] = field(default="", compare=False)
+    name: Name = field(default="", compare=False)
 
     role = "joint"
 
     def __post_init__(self) -> None:
-        self.check()
+        super().__post_init__()
         owner, points = self.owner, self.points
         if self.sleeve.core is not None:
             raise ValueError(f"{owner}: sleeve has a core, expected an open bore for the shank")

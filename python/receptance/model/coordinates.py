@@ -13,16 +13,6 @@ from receptance import _checks
 class Coordinate:
     """A position and a direction of motion or load.
 
-    Parameters
-    ----------
-    part : str, optional
-        Name of the part; empty for the first part.
-    position : float or "end", optional
-        Distance in m from the tip-side end of the part, or its far end. A position at an end of a segment moves with
-        that end when a length changes; a position inside a segment is fixed.
-    direction : {"y", "theta"}, optional
-        Transverse displacement and force, or slope and moment.
-
     Examples
     --------
     >>> from receptance import Coordinate
@@ -32,12 +22,15 @@ class Coordinate:
     """
 
     part: str = ""
+    """Name of the part; empty for the first part."""
     position: float | Literal["end"] = 0.0
+    """Distance in m from the tip-side end of the part, or its far end. A position at an end of a segment moves with
+    that end when a length changes; a position inside a segment is fixed."""
     direction: Literal["y", "theta"] = "y"
+    """Transverse displacement and force, or slope and moment."""
 
     def __post_init__(self) -> None:
-        if self.direction not in ("y", "theta"):
-            raise ValueError(f"Coordinate: direction is {self.direction!r}, expected 'y' or 'theta'")
+        _checks.one_of("Coordinate", "direction", self.direction, ("y", "theta"))
 
     def describe(self) -> str:
         """Return direction and position as text for messages, legends and tables."""
@@ -48,14 +41,9 @@ class Coordinate:
 
 @dataclass(frozen=True, init=False, repr=False)
 class UnknownPosition(Coordinate):
-    """A coordinate with a known direction and an unknown position, as in files without positions.
+    """A coordinate with a known direction, "y" or "theta", and an unknown position, as in files without positions.
 
     It differs from every `Coordinate` with a position. Where a position is needed, the tip of the first part is used.
-
-    Parameters
-    ----------
-    direction : {"y", "theta"}, optional
-        Transverse displacement and force, or slope and moment.
 
     Examples
     --------

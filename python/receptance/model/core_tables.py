@@ -19,12 +19,12 @@ from receptance.errors import GrossSlipError, SingularInterfaceError
 from receptance.model.addresses import Attachment, ChainElement, place_on, points_of
 from receptance.model.beams import Part, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate
-from receptance.model.joints import WIDTHS, ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
+from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
 from receptance.model.terminals import ENTRIES, RESIDUALS, MeasuredPart, ModalPart, Mode
 from receptance.units import LOSS_FACTOR
 
-Motion = Literal["bending", "axial"]
-MOTIONS: dict[Motion, int] = {"bending": 0, "axial": 1}
+Motion = Literal["bending", "axial", "torsion"]
+MOTIONS: dict[Motion, int] = {"bending": 0, "axial": 1, "torsion": 2}
 
 Entry = tuple[int, int, int, float]
 """Table, row, column and rate: the derivative of the entry with respect to the parameter."""
@@ -53,7 +53,9 @@ class Tables(NamedTuple):
 _SEGMENTS = Tables._fields.index("segments")
 _COLUMNS = {
     "segments": 2 + len(Segment.layout),
-    **dict(zip(("joints", "masses", "grounds"), WIDTHS, strict=True)),
+    "joints": 2 + len(PointJoint.layout),
+    "masses": 1 + len(PointMass.layout),
+    "grounds": 1 + len(GroundSpring.layout),
     "overlaps": 2 + len(SpreadJoint.layout),
     "terminals": 1 + len(RESIDUALS),
     "modes": 1 + len(Mode.layout),
@@ -350,7 +352,7 @@ class Tied:
     @cached_property
     def _rates(self) -> NDArray[np.float64]:
         """`(k, 5)` table, row, column, number of the address, and derivative of the entry."""
-        numbered = [(index, name) for index, own in enumerate(self.names) for name in own]
+        numbered = [(index, name) for index, parameters in enumerate(self.names) for name in parameters]
         rates = [(*entry[:3], index, entry[3]) for index, name in numbered for entry in self.flat.entries[name]]
         return np.array(rates, dtype=np.float64).reshape(-1, 5)
 

@@ -279,7 +279,7 @@ class Element:
         name = getattr(self, "name", "")
         return f"{type(self).__name__} {name!r}" if name else type(self).__name__
 
-    def check(self) -> None:
+    def __post_init__(self) -> None:
         """Check types and bounds of all fields, and convert numbers to float; errors name class, element and field."""
         for name, field in self.declared.items():
             value = getattr(self, name)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from receptance.model.addresses import place_on, points_of
+from receptance.model.addresses import ChainElement, place_on, points_of
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Material, Part, Section, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate
@@ -120,7 +119,7 @@ def _extent(assembly: Assembly) -> float:
     return _MM * assembly.length + _spindle_length(assembly)
 
 
-def _length(element: Any) -> float:
+def _length(element: ChainElement) -> float:
     """Return the length of an element of the chain in mm; zero for one at a point."""
     return _MM * float(getattr(element, "length", 0.0))
 

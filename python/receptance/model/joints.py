@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core, units
-from receptance.model.fields import AttachedPart, AttachedPosition, Count, Element, Field, Member, Name, Number, Numbers
+from receptance.model.fields import AttachedPart, AttachedPosition, Count, Element, Member, Name, Number, Numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +26,7 @@ class _Spring(Element):
     loss_factor: Annotated[float, Number(units.LOSS_FACTOR, "hysteretic loss factor of the stiffnesses")] = 0.0
 
     def __post_init__(self) -> None:
-        self.check()
+        super().__post_init__()
         for kind, part in (("k", "real"), ("c", "imaginary")):
             limit = math.sqrt(getattr(self, f"{kind}_y") * getattr(self, f"{kind}_theta"))
             value = getattr(self, f"{kind}_ytheta")
@@ -193,9 +193,6 @@ class PointMass(Element):
     role = "mass"
     offsets: ClassVar[tuple[float, ...]] = (0.0,)
 
-    def __post_init__(self) -> None:
-        self.check()
-
 
 @dataclass(frozen=True, kw_only=True)
 class Resonator(Element):
@@ -228,13 +225,6 @@ class Resonator(Element):
 
     role = "resonator"
     offsets: ClassVar[tuple[float, ...]] = (0.0,)
-
-    def __post_init__(self) -> None:
-        self.check()
-
-
-WIDTHS = tuple(nodes + len(kind.layout) for nodes, kind in ((2, PointJoint), (1, PointMass), (1, GroundSpring)))
-"""Number of columns of joints, masses and ground springs in the core: nodes, then the columns of the element."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -275,14 +265,12 @@ class ColletJoint(Element):
     ]
     mass: Annotated[float, Number(units.MASS, "mass of the collet, a rigid body at a point")] = 0.0
     inertia: Annotated[float, Number(units.INERTIA, "moment of inertia about its centre in the plane of bending")] = 0.0
-    name: Annotated[
-        str, Field("first word of the addresses of its parameters, as in `joint.inner.k_y` or `joint.mass`")
-    ] = field(default="", compare=False)
+    name: Name = field(default="", compare=False)
 
     role = "joint"
 
     def __post_init__(self) -> None:
-        self.check()
+        super().__post_init__()
         for side in ("inner", "outer"):
             getattr(self, side).check_motion("bending")
         # Addresses use the name of the field.
@@ -383,9 +371,7 @@ class MicroslipJoint(_Spring):
             parameter=False,
         ),
     ] = None
-    name: Annotated[str, Field("first word of the addresses of its parameters, as in `joint.slip_y`")] = field(
-        default="", compare=False
-    )
+    name: Name = field(default="", compare=False)
 
     role = "joint"
     amplitude_of: ClassVar[tuple[str, ...]]

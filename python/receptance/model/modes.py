@@ -311,8 +311,8 @@ def mode_shapes(assembly: Assembly, upper_hz: float, *, points: int = 101, threa
     order, lines, offset = _circles(poles)
     around = np.empty((lines.size, len(responses), len(ends)), np.complex128)
     if poles.size:
-        found = assembly.receptance(lines, response=responses, excitation=ends, threads=threads)
-        around[order] = found.reshape(around.shape)
+        receptance = assembly.receptance(lines, response=responses, excitation=ends, threads=threads)
+        around[order] = receptance.reshape(around.shape)
     around = around.reshape(*offset.shape, len(responses), len(ends))
     residues = np.mean(around * offset[:, :, None, None], axis=1) * tau
     constants = -2.0 * tau * poles.real[:, None, None] * residues
@@ -347,20 +347,20 @@ def _points(assembly: Assembly, count: int) -> tuple[list[str], list[float], lis
             inside = np.linspace(0.0, length, max(int(np.ceil(length / step)), 1) + 1)
             # Points closer together than rounding would be one point.
             gap = np.abs(inside[:, None] - edges[None, :]).min(axis=1)
-            own = np.sort(np.concatenate([edges, inside[gap > 1e-3 * step]]))
-            names += [name] * own.size
-            positions += own.tolist()
-            distances += (start + own).tolist()
+            along = np.sort(np.concatenate([edges, inside[gap > 1e-3 * step]]))
+            names += [name] * along.size
+            positions += along.tolist()
+            distances += (start + along).tolist()
         start += length
     return names, positions, distances
 
 
 def _ends(names: Sequence[str], positions: Sequence[float]) -> list[Coordinate]:
     """Return the ends of all parts."""
-    found: dict[str, list[float]] = {}
+    places: dict[str, list[float]] = {}
     for name, at in zip(names, positions, strict=True):
-        found.setdefault(name, []).append(at)
-    return [Coordinate(name, at) for name, own in found.items() for at in (own[0], own[-1])]
+        places.setdefault(name, []).append(at)
+    return [Coordinate(name, at) for name, along in places.items() for at in (along[0], along[-1])]
 
 
 def _normalised(

@@ -15,7 +15,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks, _core, units
-from receptance.model.fields import Element, Field, Number
+from receptance.model.fields import Element, Field, Name, Number
 from receptance.report.table import percent
 
 RESIDUALS = ("residual_y", "residual_theta", "residual_ytheta")
@@ -50,9 +50,7 @@ class Terminal(Element, ABC):
     residual_y: Annotated[float, Number(units.RECEPTANCE, "receptance added to y over force")] = 0.0
     residual_theta: Annotated[float, Number(units.ROTATIONAL_RECEPTANCE, "receptance added to theta over moment")] = 0.0
     residual_ytheta: Annotated[float, Number(units.COUPLING_RECEPTANCE, "receptance added to y over moment")] = 0.0
-    name: Annotated[str, Field("first word of the addresses of its parameters, as in `spindle.residual_y`")] = field(
-        default="", compare=False
-    )
+    name: Name = field(default="", compare=False)
 
     def receptance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the receptance at the plane, `(n, 2, 2)` over (y, theta): y/F, y/M, theta/F and theta/M, SI units.
@@ -149,7 +147,7 @@ class MeasuredPart(Terminal):
             _check_finite(owner, "covariance", covariance)
             arrays["covariance"] = covariance
         _checks.set_fields(self, arrays)
-        self.check()
+        super().__post_init__()
 
     def entries(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
@@ -206,11 +204,11 @@ class MeasuredPart(Terminal):
 
     def _doubts(self, lines_hz: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return why the table has no value at lines between its own, 0 where it has one, and the relative error."""
-        known = self.frequency_hz
-        if known.size < _MIN_LINES:
+        lines = self.frequency_hz
+        if lines.size < _MIN_LINES:
             return np.full(lines_hz.size, _FEW), np.zeros(lines_hz.size)
-        after = _after(known, lines_hz)
-        spacing, n = np.diff(known), _NEIGHBOURS
+        after = _after(lines, lines_hz)
+        spacing, n = np.diff(lines), _NEIGHBOURS
         usual = np.array([np.median(spacing[max(i - n, 0) : i + n + 1]) for i in range(spacing.size)])
         error = self._error
         worst = np.max(np.maximum(error[after - 1], error[after]), axis=1)
@@ -225,14 +223,14 @@ class MeasuredPart(Terminal):
         # The first doubt in the order of the list, of which the first line.
         kind = min(doubts[doubts > 0].tolist())
         at = int(np.flatnonzero(doubts == kind)[0])
-        line, known = lines_hz[at], self.frequency_hz
+        line, lines = lines_hz[at], self.frequency_hz
         if kind == _FEW:
-            raise ValueError(f"{owner} has {known.size} lines, too few to interpolate to {line:g} Hz; use its lines")
+            raise ValueError(f"{owner} has {lines.size} lines, too few to interpolate to {line:g} Hz; use its lines")
         leave_out = "leave the line out, `frf.with_(usable=part.covers(frf.frequency_hz))`"
         if kind == _IN_GAP:
-            after = _after(known, lines_hz)[at]
+            after = _after(lines, lines_hz)[at]
             raise ValueError(
-                f"{owner} is not known between {known[after - 1]:g} and {known[after]:g} Hz, at the line at "
+                f"{owner} is not known between {lines[after - 1]:g} and {lines[after]:g} Hz, at the line at "
                 f"{line:g} Hz; {leave_out}, or fit a ModalPart"
             )
         raise ValueError(
@@ -247,13 +245,13 @@ class MeasuredPart(Terminal):
         The prediction of each line from every second other line has double spacing, so its error is 16 times that of
         the spline.
         """
-        known, table = self.frequency_hz, self._table
+        lines, table = self.frequency_hz, self._table
         off = np.zeros(table.shape)
         for start in (0, 1):
             kept, other = slice(start, None, 2), slice(1 - start, None, 2)
-            inside = (known[other] >= known[kept][0]) & (known[other] <= known[kept][-1])
-            rows = np.arange(known.size)[other][inside]
-            off[rows] = np.abs(_spline(known[kept], table[kept], known[rows]) - table[rows]) / _ERROR_RATIO
+            inside = (lines[other] >= lines[kept][0]) & (lines[other] <= lines[kept][-1])
+            rows = np.arange(lines.size)[other][inside]
+            off[rows] = np.abs(_spline(lines[kept], table[kept], lines[rows]) - table[rows]) / _ERROR_RATIO
         window = np.ones(2 * _NEIGHBOURS + 1) / (2 * _NEIGHBOURS + 1)
         sizes = (np.pad(column, _NEIGHBOURS, "edge") for column in np.abs(table).T)
         local = np.stack([np.convolve(size, window, "valid") for size in sizes], axis=1)
@@ -350,7 +348,7 @@ class Mode(Element):
     theta_imaginary: Annotated[float, Number(units.MODE_SLOPE, "imaginary part of the rotation of the shape")] = 0.0
 
     def __post_init__(self) -> None:
-        self.check()
+        super().__post_init__()
         if (self.y_imaginary or self.theta_imaginary) and (self.frequency_hz == 0.0 or self.damping_ratio >= 1.0):
             raise ValueError(
                 f"Mode: at {self.frequency_hz:g} Hz with a damping ratio of {self.damping_ratio:g} the mode does "
@@ -409,7 +407,7 @@ class ModalPart(Terminal):
 
     def __post_init__(self) -> None:
         _checks.set_fields(self, {"modes": _checks.items(f"{self.owner}: modes", self.modes, Mode)})
-        self.check()
+        super().__post_init__()
         if self.band_hz is not None:
             low, high = (_checks.not_negative(self.owner, "band_hz", value, unit="Hz") for value in self.band_hz)
             if not low < high:

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
-from receptance._threads import one_blas_thread
 from receptance.errors import ReceptanceError
 from receptance.fit.covariance import UNINFORMATIVE, confidence_multiplier
 from receptance.fit.identification import FitKeywords, identify
@@ -20,6 +19,7 @@ from receptance.fit.parameters import Site
 from receptance.fit.peaks import PredictedMode
 from receptance.fit.prediction import PredictedFRF
 from receptance.fit.predictor import PredictedAssembly
+from receptance.fit.problem import one_blas_thread
 from receptance.fit.result import Identification
 from receptance.fit.unknowns import Law, Tolerance, Unknown, Unknowns, as_unknowns, covered
 from receptance.report import Column, Provenance, Result, Table

@@ -49,13 +49,7 @@ class ShownFigure(Figure):
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure without window and global state.
-
-    Parameters
-    ----------
-    width, height : float
-        Size in inches.
-    """
+    """Return an empty figure without window and global state, of a size in inches."""
     layout = ConstrainedLayoutEngine(w_pad=_PADDING, h_pad=_PADDING)
     return ShownFigure(figsize=(width, height), layout=layout, facecolor="white")
 
@@ -63,17 +57,8 @@ def new_figure(width: float, height: float) -> Figure:
 def surface(ax: Axes | None, width: float, height: float) -> Figure | SubFigure:
     """Return an empty figure, or a subfigure in place of axes, for one or several panels.
 
-    Parameters
-    ----------
-    ax : Axes or None
-        Axes that were created with `subplots` or `add_subplot`; they are replaced. None for a new figure.
-    width, height : float
-        Size of a new figure in inches.
-
-    Raises
-    ------
-    ValueError
-        Axes that are not part of a grid.
+    Axes that were created with `subplots` or `add_subplot` are replaced; others are a ValueError. Without axes the
+    figure is a new one, of a size in inches.
     """
     if ax is None:
         return new_figure(width, height)
@@ -90,14 +75,7 @@ def surface(ax: Axes | None, width: float, height: float) -> Figure | SubFigure:
 def panels(figure: Figure | SubFigure, count: int, columns: int, **options: Any) -> list[Axes]:
     """Return axes in a grid; unused cells of the last row stay empty.
 
-    Parameters
-    ----------
-    figure : Figure or SubFigure
-        From `surface` or `new_figure`.
-    count, columns : int
-        Number of axes, and of columns.
-    options
-        Keyword arguments of `Figure.subplots`, such as `sharex`.
+    Options are keyword arguments of `Figure.subplots`, such as `sharex`.
     """
     grid = figure.subplots(-(-count // columns), columns, squeeze=False, **options)
     axes = [cell for row in grid for cell in row]
@@ -224,17 +202,10 @@ _DECIMALS = re.compile(r"(-?\d+\.\d)\d+")
 
 
 def as_svg(figure: Figure, title: str) -> str:
-    """Return a figure as SVG to be part of an HTML page.
+    """Return a figure of `new_figure` as SVG to be part of an HTML page.
 
     Text remains text, colours are variables of the page (`--ink`, `--before` and so on), and coordinates have one
-    decimal, a tenth of a point, which keeps the page small.
-
-    Parameters
-    ----------
-    figure : Figure
-        From `new_figure`.
-    title : str
-        Name of the figure for readers who do not see it.
+    decimal, a tenth of a point, which keeps the page small. The title names the figure for readers who do not see it.
 
     Examples
     --------

@@ -57,12 +57,7 @@ def grouped_notes(notes: Sequence[str]) -> Iterator[str]:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of the package, Python, NumPy and SciPy, and the instruction set of the core.
-
-    Returns
-    -------
-    dict of str to str
-        "receptance", "python", "numpy", "scipy" and "instruction_set".
+    """Return the versions of the package, Python, NumPy and SciPy, and the instruction set of the core, by name.
 
     Examples
     --------
@@ -138,7 +133,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if is_dataclass(value):
-        return {one.name: plain(getattr(value, one.name)) for one in fields(value)}
+        return {attribute.name: plain(getattr(value, attribute.name)) for attribute in fields(value)}
     return value
 
 
@@ -264,8 +259,8 @@ class PageSection:
 class Result(Renderable):
     """Base of all results: a subclass defines tables, sentences and data, which are rendered here.
 
-    A subclass has the attributes `provenance` and `notes` (sentences for the user), defines `data` and
-    `plotted_by`, and overrides `tables`, `sentences`, and `warnings` if the user should act on something.
+    A subclass has the attributes `provenance` and `notes`, defines `data` and `plotted_by`, and overrides the other
+    methods that apply to it.
     """
 
     heading: ClassVar[str] = "Result"
@@ -329,14 +324,14 @@ class Result(Renderable):
     def to_dict(self) -> dict[str, Any]:
         """Return the result as values that JSON supports; a number that is not finite is None."""
         origin = self.provenance
-        found: dict[str, Any] = {"rejected": self.rejection} if self.rejection else {}
-        found |= {"campaign": origin.title, "file": origin.file} if origin.file else {}
-        found |= {**self.data(), "notes": self.notes}
+        values: dict[str, Any] = {"rejected": self.rejection} if self.rejection else {}
+        values |= {"campaign": origin.title, "file": origin.file} if origin.file else {}
+        values |= {**self.data(), "notes": self.notes}
         if origin.settings:
-            found["settings"] = origin.settings
+            values["settings"] = origin.settings
         if origin.seed is not None:
-            found["seed"] = origin.seed
-        whole: dict[str, Any] = plain({**found, "versions": origin.versions})
+            values["seed"] = origin.seed
+        whole: dict[str, Any] = plain({**values, "versions": origin.versions})
         return whole
 
 
@@ -344,17 +339,7 @@ _Inner = TypeVar("_Inner", bound=Result)
 
 
 class Results(Result, Mapping[str, _Inner], Generic[_Inner]):
-    """Results of one type by name, such as the joints of a campaign; a mapping and a result.
-
-    Parameters
-    ----------
-    items : mapping of str to Result
-        The results.
-    provenance : Provenance, optional
-        Source of the results.
-    notes : sequence of str, optional
-        Notes for the user on all of them, a sentence each.
-    """
+    """Results of one type by name, such as the joints of a campaign; a mapping and a result, with notes on all."""
 
     key: ClassVar[str] = "results"
     """Name of the results in `to_dict`."""
@@ -378,24 +363,24 @@ class Results(Result, Mapping[str, _Inner], Generic[_Inner]):
 
     def tables(self) -> list[Table]:
         """Return the tables of all results; tables with the same title and columns are joined."""
-        return joined(table for one in self.values() for table in one.tables())
+        return joined(table for result in self.values() for table in result.tables())
 
     def sentences(self) -> list[str]:
         """Return the findings of all results."""
-        return [sentence for one in self.values() for sentence in one.sentences()]
+        return [sentence for result in self.values() for sentence in result.sentences()]
 
     def warnings(self) -> list[str]:
         """Return the recommendations of all results."""
-        return list(dict.fromkeys(text for one in self.values() for text in one.warnings()))
+        return list(dict.fromkeys(text for result in self.values() for text in result.warnings()))
 
     @property
     def rejection(self) -> tuple[str, ...]:
         """Why numbers of at least one result must not be used, a sentence each."""
-        return tuple(dict.fromkeys(text for one in self.values() for text in one.rejection))
+        return tuple(dict.fromkeys(text for result in self.values() for text in result.rejection))
 
     def data(self) -> dict[str, Any]:
         """Return the data of all results by name."""
-        return {self.key: {name: {**one.data(), "notes": one.notes} for name, one in self.items()}}
+        return {self.key: {name: {**result.data(), "notes": result.notes} for name, result in self.items()}}
 
     def __getitem__(self, name: str) -> _Inner:
         return self._items[name]

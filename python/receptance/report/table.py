@@ -66,16 +66,10 @@ _NOT_ZERO = re.compile("^[^e]*[1-9]")
 
 
 def amounts(values: Sequence[float], unit: str = "", digits: int = 3) -> tuple[list[str], str]:
-    """Return numbers as text in one unit, and this unit; small masses, lengths and times get a smaller unit.
+    """Return numbers in an SI unit as text in one unit, and this unit.
 
-    Parameters
-    ----------
-    values : sequence of float
-        Numbers in the SI unit.
-    unit : str, optional
-        The SI unit.
-    digits : int, optional
-        Significant digits of the largest number; the others have as many decimals.
+    Small masses, lengths and times get a smaller unit. `digits` are the significant digits of the largest number; the
+    others have as many decimals.
 
     Examples
     --------
@@ -86,7 +80,7 @@ def amounts(values: Sequence[float], unit: str = "", digits: int = 3) -> tuple[l
     # Rounded, because 0.9999e-3 kg with two digits is 1.0 g.
     largest = max((abs(_rounded(value, digits)) for value in values if math.isfinite(value)), default=0.0)
     choices = _SMALLER.get(unit, ((0.0, 1.0, unit),)) if largest else ((0.0, 1.0, unit),)
-    scale, shown = next((own, name) for least, own, name in choices if largest >= least)
+    scale, shown = next((size, name) for least, size, name in choices if largest >= least)
     power = bool(largest) and not _PLAIN[0] <= largest / scale < _PLAIN[1]
     decimals = 0 if power else max(digits - 1 - _exponent(largest / scale), 0)
 
@@ -98,8 +92,8 @@ def amounts(values: Sequence[float], unit: str = "", digits: int = 3) -> tuple[l
             mantissa, exponent = f"{number:.{digits - 1}e}".split("e")
             return f"{mantissa}e{int(exponent)}"
         # Beside a much larger number a small one keeps its own digits.
-        own = max(digits - 1 - _exponent(number), 0) if abs(number) < 10.0**-decimals else decimals
-        return _without_sign_of_zero(f"{number:.{own if number else decimals}f}")
+        size = max(digits - 1 - _exponent(number), 0) if abs(number) < 10.0**-decimals else decimals
+        return _without_sign_of_zero(f"{number:.{size if number else decimals}f}")
 
     return [text(value) for value in values], shown
 
@@ -192,12 +186,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a result; its numbers are rounded when it is rendered.
-
-    Raises
-    ------
-    ValueError
-        A row with more or fewer cells than there are columns.
+    """A table of a result; its numbers are rounded when it is rendered. All rows have a cell for each column.
 
     Examples
     --------
@@ -240,13 +229,13 @@ class Table:
 
 def joined(tables: Iterable[Table]) -> list[Table]:
     """Return tables after joining the rows of those with the same title and columns."""
-    found: dict[tuple[object, ...], Table] = {}
+    by_heading: dict[tuple[object, ...], Table] = {}
     for table in tables:
         key = (table.title, *table.columns)
-        before = found.get(key)
+        before = by_heading.get(key)
         rows = table.rows if before is None else [*before.rows, *table.rows]
-        found[key] = Table(table.title, table.columns, rows, table.note)
-    return list(found.values())
+        by_heading[key] = Table(table.title, table.columns, rows, table.note)
+    return list(by_heading.values())
 
 
 @dataclass(frozen=True)

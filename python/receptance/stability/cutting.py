@@ -57,9 +57,6 @@ class Milling(Element):
         Feed, Choice("down-milling (climb) or up-milling (conventional); a slot is both", get_args(Feed))
     ] = "down"
 
-    def __post_init__(self) -> None:
-        self.check()
-
     @property
     def engagement(self) -> tuple[float, float]:
         """Angles at which a tooth enters and leaves the cut, in rad."""
@@ -185,7 +182,7 @@ class Turning(Element):
     ] = 0.0
 
     def __post_init__(self) -> None:
-        self.check()
+        super().__post_init__()
         if not -90.0 < self.angle_deg < 90.0:
             raise ValueError(f"Turning: angle_deg is {self.angle_deg:g}, expected between -90 and 90 degrees")
 

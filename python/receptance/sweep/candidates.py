@@ -7,7 +7,6 @@ import math
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -51,7 +50,6 @@ class Candidates(ABC):
         return self.count
 
 
-@dataclass(frozen=True, eq=False, init=False)
 class Grid(Candidates):
     """All combinations of values; the last parameter changes fastest.
 
@@ -75,27 +73,20 @@ class Grid(Candidates):
     [[10000000.0, 100000.0], [10000000.0, 1000000.0]]
     """
 
-    addresses: tuple[str, ...]
-    count: int
-    axes: tuple[NDArray[np.float64], ...]
-
     def __init__(self, values: Mapping[str, ArrayLike]) -> None:
         axes = _columns("Grid", values)
-        count = math.prod(axis.size for axis in axes.values())
-        _checks.set_fields(self, {"addresses": tuple(axes), "count": count, "axes": tuple(axes.values())})
+        self.addresses, self.axes = tuple(axes), tuple(axes.values())
+        self.count = math.prod(axis.size for axis in self.axes)
 
     def values(self, start: int, stop: int) -> NDArray[np.float64]:
-        """Return candidates `start` to `stop - 1`; see `Candidates`."""
         indices = np.unravel_index(np.arange(start, stop), [axis.size for axis in self.axes])
         return np.column_stack([axis[index] for axis, index in zip(self.axes, indices, strict=True)])
 
     def describe(self) -> dict[str, Any]:
-        """Return the values that define the candidates."""
         axes = {name: axis.tolist() for name, axis in zip(self.addresses, self.axes, strict=True)}
         return {"kind": "grid", "values": axes}
 
 
-@dataclass(frozen=True, eq=False, init=False)
 class Listed(Candidates):
     """A list of candidates.
 
@@ -116,29 +107,22 @@ class Listed(Candidates):
     2
     """
 
-    addresses: tuple[str, ...]
-    count: int
-    table: NDArray[np.float64]
-
     def __init__(self, values: Mapping[str, ArrayLike]) -> None:
         columns = _columns("Listed", values)
         sizes = {name: column.size for name, column in columns.items()}
         if len(set(sizes.values())) > 1:
             numbers = ", ".join(f"{name} {size}" for name, size in sizes.items())
             raise ValueError(f"Listed: the parameters have different numbers of values: {numbers}; expected the same")
-        table = np.column_stack(list(columns.values()))
-        _checks.set_fields(self, {"addresses": tuple(columns), "count": len(table), "table": table})
+        self.addresses, self.table = tuple(columns), np.column_stack(list(columns.values()))
+        self.count = len(self.table)
 
     def values(self, start: int, stop: int) -> NDArray[np.float64]:
-        """Return candidates `start` to `stop - 1`; see `Candidates`."""
         return self.table[start:stop].copy()
 
     def describe(self) -> dict[str, Any]:
-        """Return the values that define the candidates."""
         return {"kind": "list", "addresses": list(self.addresses), "values": self.table.tolist()}
 
 
-@dataclass(frozen=True, eq=False, init=False)
 class Sampled(Candidates):
     """Candidates drawn from independent distributions.
 
@@ -172,12 +156,6 @@ class Sampled(Candidates):
     True
     """
 
-    addresses: tuple[str, ...]
-    count: int
-    distributions: tuple[Distribution, ...]
-    seed: int
-    method: Method
-
     def __init__(
         self,
         distributions: Mapping[str, Distribution],
@@ -193,8 +171,9 @@ class Sampled(Candidates):
                     f"Sampled: {name} is {distribution!r}, expected a distribution such as scipy.stats.loguniform(1e7, "
                     "1e9)"
                 )
-        count = _checks.whole_number("Sampled", "count", count)
-        seed = _checks.whole_number("Sampled", "seed", seed, least=0)
+        self.addresses, self.distributions = tuple(by_address), tuple(by_address.values())
+        self.count = _checks.whole_number("Sampled", "count", count)
+        self.seed = _checks.whole_number("Sampled", "seed", seed, least=0)
         _checks.one_of("Sampled", "method", method, Method)
         if method == "latin hypercube" and 8 * count * len(by_address) > MOST_BYTES:
             raise ValueError(
@@ -202,12 +181,9 @@ class Sampled(Candidates):
                 f"{8e-9 * count * len(by_address):.1f} GB, expected at most {1e-9 * MOST_BYTES:.1f}; use "
                 "method='sobol'"
             )
-        names, values = tuple(by_address), tuple(by_address.values())
-        fields = {"addresses": names, "count": count, "distributions": values, "seed": seed, "method": method}
-        _checks.set_fields(self, fields)
+        self.method: Method = method
 
     def values(self, start: int, stop: int) -> NDArray[np.float64]:
-        """Return candidates `start` to `stop - 1`; see `Candidates`."""
         if self.method == "latin hypercube":
             shares = _latin_hypercube(len(self.addresses), self.count, self.seed)[start:stop]
         else:
@@ -218,7 +194,6 @@ class Sampled(Candidates):
         return np.column_stack([np.asarray(distribution.ppf(share), np.float64) for distribution, share in pairs])
 
     def describe(self) -> dict[str, Any]:
-        """Return the values that define the candidates."""
         # Quantiles identify distributions of any class. They are rounded because processors may differ in the last
         # bits.
         shares = np.linspace(0.01, 0.99, 9)

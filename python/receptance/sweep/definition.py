@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -34,35 +34,25 @@ class SweepError(ValueError):
 Block = Callable[[int, int], dict[str, "NDArray[Any]"]]
 
 
-@dataclass(frozen=True, eq=False)
 class Definition:
-    """Models, candidates and outputs of a sweep.
+    """Models, candidates and outputs of a sweep, which are the arguments of `sweep` and are checked.
 
-    The results have a dimension `assembly` if the assemblies are named.
+    The results have a dimension `assembly` if the assemblies are `named`.
     """
 
-    assemblies: dict[str, Assembly]
-    named: bool
-    candidates: Candidates
-    outputs: tuple[Output, ...]
-
-    @classmethod
-    def of(
-        cls,
-        model: Assembly | Mapping[str, Assembly],
-        candidates: Candidates,
-        outputs: Output | Sequence[Output],
-    ) -> Definition:
-        """Return the definition from checked arguments of `sweep`."""
-        assemblies, named = _assemblies(model)
+    def __init__(
+        self, model: Assembly | Mapping[str, Assembly], candidates: Candidates, outputs: Output | Sequence[Output]
+    ) -> None:
+        self.assemblies, self.named = _assemblies(model)
         if not isinstance(candidates, Candidates):
             raise TypeError(f"sweep: candidates is {candidates!r}, expected Grid, Listed or Sampled")
+        self.candidates = candidates
         kind: Any = Output
-        checked = _checks.items("sweep: outputs", outputs, kind, text="Output such as Misfit(...)")
-        definition = cls(assemblies, named, candidates, checked)
-        definition._check_addresses()
-        definition._check_names()
-        return definition
+        self.outputs: tuple[Output, ...] = _checks.items(
+            "sweep: outputs", outputs, kind, text="Output such as Misfit(...)"
+        )
+        self._check_addresses()
+        self._check_names()
 
     def _check_addresses(self) -> None:
         assemblies = [assembly for output in self.outputs for assembly in output.assemblies()]
@@ -70,8 +60,8 @@ class Definition:
             assemblies += list(self.assemblies.values())
         for address in self.candidates.addresses:
             if not any(covered(address, assembly) for assembly in assemblies):
-                known = ", ".join(sorted({name for assembly in assemblies for name in assembly.parameters}))
-                raise ValueError(f"sweep: no assembly has the parameter {address!r}, expected one of {known}")
+                parameters = ", ".join(sorted({name for assembly in assemblies for name in assembly.parameters}))
+                raise ValueError(f"sweep: no assembly has the parameter {address!r}, expected one of {parameters}")
 
     def _check_names(self) -> None:
         names = [variable.name for output in self.outputs for variable in output.variables()]
@@ -82,7 +72,7 @@ class Definition:
 
     def variables(self) -> list[Variable]:
         """Return the variables of the results, with the dimension `assembly` if there is one."""
-        known: dict[str, NDArray[Any]] = {}
+        coordinates: dict[str, NDArray[Any]] = {}
         variables = []
         for output in self.outputs:
             for variable in output.variables():
@@ -91,9 +81,9 @@ class Definition:
                     dimensions[_ASSEMBLY] = np.array(list(self.assemblies))
                 for name, values in variable.dimensions.items():
                     # Another output may have this dimension with other values.
-                    same = name not in known or np.array_equal(known[name], values)
+                    same = name not in coordinates or np.array_equal(coordinates[name], values)
                     dimensions[name if same else f"{variable.name}_{name}"] = values
-                known |= dimensions
+                coordinates |= dimensions
                 variables.append(replace(variable, dimensions=dimensions))
         return variables
 

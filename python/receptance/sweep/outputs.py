@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,14 +65,6 @@ class Reduction:
     A store cannot compare code. It records name and version, and is continued only by a reduction that has the same:
     raise the version when the function, or anything that it uses, changes its results.
 
-    Parameters
-    ----------
-    function : callable
-        Function from receptances (or magnitudes) `(m, n)` to one number each `(m,)`, such as the maximum. Workers need
-        a function of a module.
-    name, version : str
-        Name, and version of the results.
-
     Raises
     ------
     TypeError, ValueError
@@ -89,8 +81,11 @@ class Reduction:
     """
 
     function: Callable[[NDArray[Any]], NDArray[Any]]
+    """Function from receptances (or magnitudes) `(m, n)` to one number each `(m,)`, such as the maximum. Workers need a
+    function of a module."""
     name: str = field(kw_only=True)
     version: str = field(kw_only=True)
+    """Name, and version of the results."""
 
     def __post_init__(self) -> None:
         if not callable(self.function):
@@ -160,22 +155,6 @@ class Output(ABC):
 class FrequencyResponse(Output):
     """The receptance of each candidate, or a function of it.
 
-    Parameters
-    ----------
-    frequency_hz : array_like
-        `(n,)` lines in Hz.
-    response, excitation : Coordinate, optional
-        Coordinates of the motion and of the load; by default y at the tip.
-    magnitude : bool, optional
-        Keep the magnitude only, which halves the memory.
-    reduce : Reduction, optional
-        Function of the receptances (or magnitudes) of each candidate, with its name and version; only its results are
-        kept.
-    name : str, optional
-        Name in the results.
-    unit : str, optional
-        Unit of the result of `reduce`; by default that of the receptance.
-
     Examples
     --------
     >>> import numpy as np
@@ -185,12 +164,19 @@ class FrequencyResponse(Output):
     """
 
     frequency_hz: NDArray[np.inexact]
+    """`(n,)` lines in Hz."""
     response: Coordinate | None = None
     excitation: Coordinate | None = None
+    """Coordinates of the motion and of the load; by default y at the tip."""
     magnitude: bool = False
+    """Keep the magnitude only, which halves the memory."""
     reduce: Reduction | None = None
+    """Function of the receptances (or magnitudes) of each candidate, with its name and version; only its results are
+    kept."""
     name: str = "receptance"
+    """Name in the results."""
     unit: str = "m/N"
+    """Unit of the result of `reduce`; by default that of the receptance."""
 
     version = PROGRAM
 
@@ -203,11 +189,9 @@ class FrequencyResponse(Output):
 
     @property
     def candidate_s(self) -> float:
-        """Approximate time per candidate; see `Output`."""
         return _LINE_S * self.frequency_hz.size
 
     def variables(self) -> tuple[Variable, ...]:
-        """Return the variables of the results."""
         if self.reduce is not None:
             return (Variable(self.name, "float64", self.unit, {}, "function of the receptance"),)
         dtype = "float64" if self.magnitude else "complex128"
@@ -216,7 +200,6 @@ class FrequencyResponse(Output):
         return (Variable(self.name, dtype, self.unit, lines, meaning),)
 
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
-        """Return the function from candidates to results."""
         model, columns = _prepared(assembly, addresses, self.frequency_hz, self.response, self.excitation, threads)
         evaluate = model.magnitude if self.magnitude else model.receptance
 
@@ -239,27 +222,19 @@ class FrequencyResponse(Output):
         return run
 
     def describe(self) -> list[Any]:
-        """Return the values that define the results."""
         return [self.name, self.frequency_hz, repr(self.response), repr(self.excitation), self.magnitude, self.reduce]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NaturalFrequencies(Output):
-    """The lowest natural frequencies of each candidate in Hz; NaN if there are fewer below the limit.
-
-    Parameters
-    ----------
-    upper_hz : float
-        Upper limit in Hz.
-    modes : int, optional
-        Number of frequencies to keep.
-    name : str, optional
-        Name in the results.
-    """
+    """The lowest natural frequencies of each candidate in Hz; NaN if there are fewer below the limit."""
 
     upper_hz: float
+    """Upper limit in Hz."""
     modes: int = 3
+    """Number of frequencies to keep."""
     name: str = "natural_frequency"
+    """Name in the results."""
 
     version = PROGRAM
 
@@ -269,15 +244,12 @@ class NaturalFrequencies(Output):
 
     @property
     def candidate_s(self) -> float:
-        """Approximate time per candidate; see `Output`."""
         return _MODES_S
 
     def variables(self) -> tuple[Variable, ...]:
-        """Return the variables of the results."""
         return (Variable(self.name, "float64", "Hz", {"mode": np.arange(1, self.modes + 1)}, "natural frequencies"),)
 
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
-        """Return the function from candidates to results."""
         assert assembly is not None
         columns = _columns(assembly, addresses)
         varied = [addresses[i] for i in columns]
@@ -298,33 +270,23 @@ class NaturalFrequencies(Output):
         return run
 
     def describe(self) -> list[Any]:
-        """Return the values that define the results."""
         return [self.name, self.upper_hz, self.modes]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StableDepth(Output):
-    """Limit of the stable depth of cut of each candidate in m, with the same receptance in x and y.
-
-    Parameters
-    ----------
-    cut : Milling or Turning
-        The cut.
-    frequency_hz : array_like
-        `(n,)` real lines in Hz, several within the half-power bandwidth of each resonance.
-    speeds_rpm : array_like, optional
-        Spindle speeds `(k,)`; by default the depth that is stable at all speeds.
-    directions : {"x", "y", "both"}, optional
-        Directions in which the tip is flexible.
-    name : str, optional
-        Name in the results.
-    """
+    """Limit of the stable depth of cut of each candidate in m, with the same receptance in x and y."""
 
     cut: Milling | Turning
+    """The cut."""
     frequency_hz: NDArray[np.float64]
+    """`(n,)` real lines in Hz, several within the half-power bandwidth of each resonance."""
     speeds_rpm: NDArray[np.float64] | None = None
-    directions: str = "both"
+    """Spindle speeds `(k,)`; by default the depth that is stable at all speeds."""
+    directions: Literal["x", "y", "both"] = "both"
+    """Directions in which the tip is flexible."""
     name: str = "stable_depth"
+    """Name in the results."""
 
     version = PROGRAM
 
@@ -338,16 +300,13 @@ class StableDepth(Output):
 
     @property
     def candidate_s(self) -> float:
-        """Approximate time per candidate; see `Output`."""
         return _DEPTH_S + (0.0 if self.speeds_rpm is None else _SPEED_S * self.speeds_rpm.size)
 
     def variables(self) -> tuple[Variable, ...]:
-        """Return the variables of the results."""
         speeds = {} if self.speeds_rpm is None else {"spindle_speed_rpm": self.speeds_rpm}
         return (Variable(self.name, "float64", "m", speeds, "stable depth of cut"),)
 
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
-        """Return the function from candidates to results."""
         model, columns = _prepared(assembly, addresses, self.frequency_hz, None, None, threads)
 
         def run(values: NDArray[np.float64]) -> Evaluated:
@@ -374,7 +333,6 @@ class StableDepth(Output):
         return limit_over_speed(teeth, self.speeds_rpm, self.frequency_hz, depth, phase)[0]
 
     def describe(self) -> list[Any]:
-        """Return the values that define the results."""
         return [self.name, repr(self.cut), self.frequency_hz, self.speeds_rpm, self.directions]
 
 
@@ -427,14 +385,12 @@ class Misfit(Output):
 
     @property
     def candidate_s(self) -> float:
-        """Approximate time per candidate; see `Output`."""
         return sum(
             _LINE_S * observation.frequency_hz.size if observation.is_receptance else _MODES_S
             for observation in self.observations
         )
 
     def variables(self) -> tuple[Variable, ...]:
-        """Return the variables of the results."""
         return (Variable(self.name, "float64", "", {}, "sum of squared residuals, of all observations"),)
 
     def assemblies(self) -> tuple[Assembly, ...]:
@@ -442,7 +398,6 @@ class Misfit(Output):
         return tuple(observation.assembly for observation in self.observations)
 
     def prepare(self, assembly: Assembly | None, addresses: Sequence[str], threads: int | None) -> Evaluation:
-        """Return the function from candidates to results."""
         misfits = [
             _frf_misfit(observation, addresses, threads)
             if observation.is_receptance
@@ -459,7 +414,6 @@ class Misfit(Output):
         return run
 
     def describe(self) -> list[Any]:
-        """Return the values that define the results."""
         content: list[Any] = [self.name]
         for item in self.observations:
             content.append(item.frequency_hz)

@@ -35,20 +35,10 @@ digits."""
 class ParametricReceptance:
     """An assembly as a function of some parameters, observed between two coordinates on some lines.
 
-    Candidates are rows of values in SI units, one column per address. An infeasible candidate (an indefinite joint, a
-    bore wider than the outer diameter, a singular interface) or one without a finite receptance has NaN in all results.
-    The results of a candidate depend neither on the other candidates of a call nor on the number of threads.
-
-    Attributes
-    ----------
-    method : {"joint", "models"}
-        Method of evaluation.
-    addresses : tuple of str
-        Addresses of the columns.
-    lines : int
-        Number of frequency lines.
-    per_call : int
-        Number of candidates in one call of the core, which takes less than a second; signals are handled between calls.
+    Candidates are rows of values in SI units, one column for each of `addresses`. An infeasible candidate (an
+    indefinite joint, a bore wider than the outer diameter, a singular interface) or one without a finite receptance has
+    NaN in all results. The results of a candidate depend neither on the other candidates of a call nor on the number of
+    threads.
     """
 
     def __init__(
@@ -63,6 +53,7 @@ class ParametricReceptance:
         """Keep the handle of the core, and the columns of the candidates in its rows, whose others are `nominal`."""
         self.method, self.addresses, self.lines = method, addresses, len(core)
         candidate_s = _JOINT_S * self.lines if method == "joint" else _MODEL_S + _LINE_S * self.lines
+        # A call takes less than a second; signals are handled between calls.
         self.per_call = max(int(_CALL_S / candidate_s), 1)
         self._core, self._nominal, self._columns, self._threads = core, np.asarray(nominal), columns, threads
 
@@ -136,23 +127,10 @@ def parametric_receptance(
     excitation: Coordinate | None = None,
     threads: int | None = None,
 ) -> ParametricReceptance:
-    """Return an assembly as a function of some parameters, with the fastest applicable method.
+    """Return an assembly as a function of the parameters at some addresses, with the fastest applicable method.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The assembly.
-    addresses : sequence of str
-        Addresses of the parameters that vary, the columns of the candidates.
-    frequency_hz : array_like
-        Lines `(n_freq,)`, real, or complex for an exponential window.
-    response, excitation, threads
-        As in `Assembly.receptance`.
-
-    Raises
-    ------
-    ValueError
-        An unknown address, or the same address twice.
+    The lines are real, or complex for an exponential window; the other arguments are those of `Assembly.receptance`. An
+    unknown address, or the same one twice, is a ValueError.
     """
     names = tuple(addresses)
     if not names or len(set(names)) < len(names):

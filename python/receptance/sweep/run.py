@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _checks
-from receptance._extras import require
+from receptance.errors import require
 from receptance.model.assembly import Assembly
 from receptance.sweep.candidates import Candidates
 from receptance.sweep.definition import Block, Definition, SweepError
@@ -98,7 +98,7 @@ def sweep(
     True
     """
     require("sweep", "a sweep")
-    definition = Definition.of(model, candidates, outputs)
+    definition = Definition(model, candidates, outputs)
     size = None if block is None else _checks.whole_number("sweep", "block", block)
     results = Memory(definition, size) if store is None else Store(store, definition, size)
     count, size = candidates.count, results.block

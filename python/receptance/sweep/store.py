@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance._extras import require
-from receptance.errors import warn_user
+from receptance.errors import require, warn_user
 from receptance.sweep.candidates import MOST_BYTES
 from receptance.sweep.definition import CANDIDATE, Definition, SweepError
 from receptance.sweep.outputs import Variable
