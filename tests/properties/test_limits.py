@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from properties.strategies import frequencies, segments, springs
-from receptance import Part, PointJoint, Segment
+from receptance import Assembly, Coordinate, Part, PointJoint, Segment
 
 
 @given(joint=springs(), e=st.floats(-0.1, 0.1), f=frequencies())

@@ -22,6 +22,7 @@ from receptance.sweep import (
     Reduction,
     Sampled,
     StableDepth,
+    SweepError,
     as_grid,
     sweep,
 )
@@ -221,6 +222,12 @@ def test_a_latin_hypercube_has_one_candidate_in_each_interval_of_every_parameter
 def test_mistakes_give_messages(make: Any, words: str) -> None:
     with pytest.raises((TypeError, ValueError), match=words):
         make()
+
+
+def test_results_too_large_for_memory_are_refused_before_any_work() -> None:
+    many = Sampled({"joint.k_y": stats.loguniform(1e7, 1e9)}, count=10**7, seed=0)
+    with pytest.raises(SweepError, match="give store="):
+        sweep(pair(), many, FrequencyResponse(frequency_hz=LINES), progress=pytest.fail)
 
 
 def test_progress_is_reported_after_each_block() -> None:

@@ -312,7 +312,7 @@ class Observation:
         entry = with_variance(entry)
         if unused := unused_coherence(entry):
             notes.append(unused)
-            warnings.warn(f"{entry!r}: {unused}", ReceptanceWarning, stacklevel=2)
+            warn_user(f"{entry!r}: {unused}")
         entry, line_notes = _usable(entry, name, low_hz, high_hz)
         owner, lines = _owner(name), entry.complex_frequency_hz
         variance, freedom = (

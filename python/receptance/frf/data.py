@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance import _checks
 from receptance.frf import fields
-from receptance.frf.fields import Field, Labelled, without_undefined_zero_line
+from receptance.frf.fields import Labelled, MeasuredField, without_undefined_zero_line
 from receptance.model.coordinates import Coordinate, Side
 from receptance.units import Form, FRFKind, frf_unit
 
@@ -25,55 +25,55 @@ def _coherence(frf: Any, name: str, value: ArrayLike | None) -> NDArray[np.float
 class FRFData(Labelled):
     """Fields of an `FRF`, whose docstring lists them; a check may use the fields above its own."""
 
-    frequency_hz: Field[ArrayLike, NDArray[np.float64]] = Field(
+    frequency_hz: MeasuredField[ArrayLike, NDArray[np.float64]] = MeasuredField(
         fields.lines,
         "array_like",
         "`(n,)` ascending lines in Hz; the first may be at 0 Hz. It is dropped with a note if its values are not "
         "finite.",
         axes="lines",
     )
-    values: Field[ArrayLike, NDArray[np.complex128]] = Field(
+    values: MeasuredField[ArrayLike, NDArray[np.complex128]] = MeasuredField(
         fields.values,
         "array_like",
         "`(n,)` or `(n, n_responses, n_excitations)` complex, in SI units of the form, for e^(+i w t).",
         axes="entries",
     )
-    form: Field[Form, Form] = Field(
+    form: MeasuredField[Form, Form] = MeasuredField(
         fields.form,
         '{"receptance", "mobility", "accelerance"}',
         "Displacement, velocity or acceleration per load.",
         default="receptance",
     )
-    responses: Field[Side, tuple[Coordinate, ...]] = Field(
+    responses: MeasuredField[Side, tuple[Coordinate, ...]] = MeasuredField(
         fields.places(1),
         "Coordinate or sequence",
         'Where motion was measured; "y" or "theta" if only the direction is known. By default y at an unknown '
         "position.",
         default=None,
     )
-    excitations: Field[Side, tuple[Coordinate, ...]] = Field(
+    excitations: MeasuredField[Side, tuple[Coordinate, ...]] = MeasuredField(
         fields.places(2),
         "Coordinate or sequence",
         'Where loads acted, as for `responses`. Direction "theta" means per moment.',
         default=None,
     )
-    decay_rate: Field[float, float] = Field(
+    decay_rate: MeasuredField[float, float] = MeasuredField(
         lambda frf, name, value: _checks.not_negative(frf.owner, name, value, unit="1/s"),
         "float",
         "sigma in 1/s of an exponential window exp(-sigma t) on force and response; the values are then those at the "
         "complex frequencies w - i sigma.",
         default=0.0,
     )
-    coherence: Field[ArrayLike | None, NDArray[np.float64] | None] = Field(
+    coherence: MeasuredField[ArrayLike | None, NDArray[np.float64] | None] = MeasuredField(
         _coherence, "array_like", "From 0 to 1, shaped as `values` or `(n,)`.", axes="entries", default=None
     )
-    averages: Field[int | None, int | None] = Field(
+    averages: MeasuredField[int | None, int | None] = MeasuredField(
         lambda frf, name, value: None if value is None else fields.average_count(frf.owner, value),
         "int",
         "Number of averages.",
         default=None,
     )
-    log_variance: Field[ArrayLike | None, NDArray[np.float64] | None] = Field(
+    log_variance: MeasuredField[ArrayLike | None, NDArray[np.float64] | None] = MeasuredField(
         fields.per_entry(at_least=0.0),
         "array_like",
         "Variance of the real part, and of the imaginary part, of the logarithm of the values; shaped as `values`, "
@@ -81,14 +81,14 @@ class FRFData(Labelled):
         axes="entries",
         default=None,
     )
-    degrees_of_freedom: Field[ArrayLike | None, NDArray[np.float64] | None] = Field(
+    degrees_of_freedom: MeasuredField[ArrayLike | None, NDArray[np.float64] | None] = MeasuredField(
         fields.per_entry(above=0.0),
         "array_like",
         "Degrees of freedom of that variance; infinite or None if it is known exactly.",
         axes="entries",
         default=None,
     )
-    correlated_lines: Field[ArrayLike, NDArray[np.float64]] = Field(
+    correlated_lines: MeasuredField[ArrayLike, NDArray[np.float64]] = MeasuredField(
         lambda frf, name, value: _checks.by_line(frf.owner, name, value, frf.frequency_hz.shape, least=1.0),
         "array_like",
         "Number of neighbouring lines per independent value (exponential windows and zero padding correlate lines), "
@@ -96,14 +96,16 @@ class FRFData(Labelled):
         axes="lines",
         default=1.0,
     )
-    usable: Field[ArrayLike | None, NDArray[np.bool_] | None] = Field(
+    usable: MeasuredField[ArrayLike | None, NDArray[np.bool_] | None] = MeasuredField(
         fields.usable, "array_like of bool", "`(n,)` lines inside the usable band.", axes="lines", default=None
     )
-    labels: Field[Sequence[Sequence[str]] | None, tuple[tuple[str, ...], tuple[str, ...]] | None] = Field(
-        fields.labels,
-        "pair of sequences of str",
-        "Names of the responses and of the excitations in the file.",
-        default=None,
+    labels: MeasuredField[Sequence[Sequence[str]] | None, tuple[tuple[str, ...], tuple[str, ...]] | None] = (
+        MeasuredField(
+            fields.labels,
+            "pair of sequences of str",
+            "Names of the responses and of the excitations in the file.",
+            default=None,
+        )
     )
 
     def __post_init__(self) -> None:

@@ -24,7 +24,7 @@ Accepted = TypeVar("Accepted", contravariant=True)
 Stored = TypeVar("Stored", covariant=True)
 
 
-class Field(Generic[Accepted, Stored]):
+class MeasuredField(Generic[Accepted, Stored]):
     """Declaration of a field: what is accepted, the check that returns what is stored, and its axes.
 
     As a descriptor it states both types; the class keeps the default alone.
@@ -85,11 +85,11 @@ class CoherenceError(LineError):
 class Declared:
     """Base of dataclasses of declared fields, which are checked in their order at construction."""
 
-    declared: ClassVar[dict[str, Field[Any, Any]]] = {}
+    declared: ClassVar[dict[str, MeasuredField[Any, Any]]] = {}
     """Fields by name, in their order."""
 
     def __init_subclass__(cls) -> None:
-        fields = {name: field for name, field in vars(cls).items() if isinstance(field, Field)}
+        fields = {name: field for name, field in vars(cls).items() if isinstance(field, MeasuredField)}
         for name, field in fields.items():
             if field.default is ...:
                 delattr(cls, name)
@@ -136,9 +136,9 @@ def texts(item: Any, name: str, value: Iterable[str]) -> tuple[str, ...]:
 class Labelled(Declared):
     """Fields of every measurement."""
 
-    label: Field[str, str] = Field(text, "str", "Free-text label.", default="")
-    source: Field[str, str] = Field(text, "str", "File and reader, or origin.", default="")
-    notes: Field[Sequence[str], tuple[str, ...]] = Field(
+    label: MeasuredField[str, str] = MeasuredField(text, "str", "Free-text label.", default="")
+    source: MeasuredField[str, str] = MeasuredField(text, "str", "File and reader, or origin.", default="")
+    notes: MeasuredField[Sequence[str], tuple[str, ...]] = MeasuredField(
         texts, "sequence of str", "Notes for the user: changes to the data, doubts.", default=()
     )
 

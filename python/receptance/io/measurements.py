@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from receptance import _checks
 from receptance.errors import warn_user
 from receptance.frf import FRF, fields
-from receptance.frf.fields import Field, Labelled, LineError, store
+from receptance.frf.fields import Labelled, LineError, MeasuredField, store
 from receptance.report import Column, Renderable, Table
 from receptance.units import channel_kind, parse_unit
 
@@ -60,17 +60,19 @@ class Coherence(Labelled, Renderable):
     plotted_by = "receptance.io.figure:draw_coherence"
     drawn_in_notebooks = True
 
-    frequency_hz: Field[ArrayLike, NDArray[np.float64]] = Field(
+    frequency_hz: MeasuredField[ArrayLike, NDArray[np.float64]] = MeasuredField(
         fields.lines, "array_like", "`(n,)` lines in Hz.", axes="lines"
     )
-    values: Field[ArrayLike, NDArray[np.float64]] = Field(
+    values: MeasuredField[ArrayLike, NDArray[np.float64]] = MeasuredField(
         _coherences, "array_like", "`(n,)` or `(n, n_responses, n_excitations)`, from 0 to 1.", axes="entries"
     )
-    labels: Field[Sequence[Sequence[str]] | None, tuple[tuple[str, ...], tuple[str, ...]] | None] = Field(
-        fields.labels,
-        "pair of sequences of str",
-        "Names of the responses and of the excitations.",
-        default=None,
+    labels: MeasuredField[Sequence[Sequence[str]] | None, tuple[tuple[str, ...], tuple[str, ...]] | None] = (
+        MeasuredField(
+            fields.labels,
+            "pair of sequences of str",
+            "Names of the responses and of the excitations.",
+            default=None,
+        )
     )
 
     @property
@@ -163,25 +165,27 @@ class TimeSeries(Labelled, Renderable):
     plotted_by = "receptance.io.figure:draw_time_series"
     drawn_in_notebooks = True
 
-    channels: Field[Sequence[str], tuple[str, ...]] = Field(_names, "sequence of str", "Names, all different.")
-    units: Field[Sequence[str], tuple[str, ...]] = Field(
+    channels: MeasuredField[Sequence[str], tuple[str, ...]] = MeasuredField(
+        _names, "sequence of str", "Names, all different."
+    )
+    units: MeasuredField[Sequence[str], tuple[str, ...]] = MeasuredField(
         _units,
         "sequence of str",
         'One per channel, such as "N", "g", "mm/s", "V". Forces, moments and motions are converted to SI; other '
         "quantities are kept in their unit.",
     )
-    values: Field[ArrayLike, NDArray[np.float64]] = Field(
+    values: MeasuredField[ArrayLike, NDArray[np.float64]] = MeasuredField(
         _samples,
         "array_like",
         "`(n_samples,)` or `(n_samples, n_channels)` real and finite, in the given units.",
         axes="samples",
     )
-    sample_rate_hz: Field[float, float] = Field(
+    sample_rate_hz: MeasuredField[float, float] = MeasuredField(
         lambda series, name, value: _checks.positive(series.owner, name, value, unit="Hz"),
         "float",
         "Samples per second.",
     )
-    start_s: Field[float, float] = Field(
+    start_s: MeasuredField[float, float] = MeasuredField(
         lambda series, name, value: _checks.number(series.owner, name, value, unit="s"),
         "float",
         "Time of the first sample.",
