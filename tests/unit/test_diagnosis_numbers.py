@@ -23,6 +23,7 @@ from receptance.diagnosis.held_out import SPECTRAL, metrics_of
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.thresholds import CHANCE, MARGIN, MISFIT_LIMIT
 from receptance.fit import Law, PredictedFrequencies, PredictedMode, Prior, Scatter
+from receptance.fit.unknowns import Variables
 
 SEED = 31
 LINES = np.linspace(200.0, 6000.0, 300)
@@ -85,9 +86,7 @@ def test_one_large_tolerance_error_is_strain(count: int) -> None:
             for i in range(count)
         ]
         fit: Any = SimpleNamespace(
-            task=SimpleNamespace(
-                parameters=SimpleNamespace(unknowns=errors), variables=SimpleNamespace(unknowns=errors)
-            ),
+            task=SimpleNamespace(parameters=SimpleNamespace(unknowns=errors), variables=Variables(tuple(errors))),
             residual=np.append(np.zeros(count), off),
             curvature_root=np.vstack([1e4 * np.eye(count), np.eye(count)]),
         )
