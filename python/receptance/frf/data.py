@@ -99,13 +99,11 @@ class FRFData(Labelled):
     usable: MeasuredField[ArrayLike | None, NDArray[np.bool_] | None] = MeasuredField(
         fields.usable, "array_like of bool", "`(n,)` lines inside the usable band.", axes="lines", default=None
     )
-    labels: MeasuredField[Sequence[Sequence[str]] | None, tuple[tuple[str, ...], tuple[str, ...]] | None] = (
-        MeasuredField(
-            fields.labels,
-            "pair of sequences of str",
-            "Names of the responses and of the excitations in the file.",
-            default=None,
-        )
+    labels: MeasuredField[Sequence[Sequence[str]] | None, fields.Labels | None] = MeasuredField(
+        fields.labels,
+        "pair of sequences of str",
+        "Names of the responses and of the excitations in the file.",
+        default=None,
     )
 
     def __post_init__(self) -> None:

@@ -23,6 +23,9 @@ _COHERENCE_ROUNDING = 1e-4
 Accepted = TypeVar("Accepted", contravariant=True)
 Stored = TypeVar("Stored", covariant=True)
 
+Labels = tuple[tuple[str, ...], tuple[str, ...]]
+"""Names of the responses and of the excitations."""
+
 
 class MeasuredField(Generic[Accepted, Stored]):
     """Declaration of a field: what is accepted, the check that returns what is stored, and its axes.
@@ -274,9 +277,7 @@ def usable(item: Any, name: str, value: ArrayLike | None) -> NDArray[np.bool_] |
     return array.copy()
 
 
-def labels(
-    item: Any, name: str, value: Sequence[Sequence[str]] | None
-) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+def labels(item: Any, name: str, value: Sequence[Sequence[str]] | None) -> Labels | None:
     """Return the names of responses and excitations as a pair of tuples."""
     if value is None:
         return None

@@ -66,13 +66,11 @@ class Coherence(Labelled, Renderable):
     values: MeasuredField[ArrayLike, NDArray[np.float64]] = MeasuredField(
         _coherences, "array_like", "`(n,)` or `(n, n_responses, n_excitations)`, from 0 to 1.", axes="entries"
     )
-    labels: MeasuredField[Sequence[Sequence[str]] | None, tuple[tuple[str, ...], tuple[str, ...]] | None] = (
-        MeasuredField(
-            fields.labels,
-            "pair of sequences of str",
-            "Names of the responses and of the excitations.",
-            default=None,
-        )
+    labels: MeasuredField[Sequence[Sequence[str]] | None, fields.Labels | None] = MeasuredField(
+        fields.labels,
+        "pair of sequences of str",
+        "Names of the responses and of the excitations.",
+        default=None,
     )
 
     @property
