@@ -9,9 +9,10 @@ noise is in their weights.
 
 For the deviations the information of the fit, to first order, is enough. The minimum is that of the model with the
 data of the fit, on few lines, because neither derivatives nor the information replace it. Derivatives overestimate the
-increase up to a hundred times, because a resonance moves by more than its width: 8 of 12 simulated pieces of advice in the blind
-laboratory were then for another measurement. The information lets two sizes of a cause compensate each other where the
-data let them along a curve only: an FRF at the nose that refutes a fluted part by 6700 was then expected to give 7.
+increase up to a hundred times, because a resonance moves by more than its width: in 8 of 12 simulations in the blind
+laboratory the advice was then another measurement. The information lets two sizes of a cause compensate each other
+where the data let them along a curve only: an FRF at the nose that refutes a fluted part by 6700 was then expected to
+give 7.
 """
 
 from __future__ import annotations
