@@ -20,7 +20,7 @@ class Option:
     text: str
     """Meaning, for the help of commands and the reference of campaigns."""
     value: str = ""
-    """Placeholder of the value in the help; none for an option that is true or false."""
+    """Name of the value in the help; none for an option that is true or false."""
     option: str = ""
     """Name of the option of commands, if it is not that of the keyword."""
     frf_key: str | None = ""

@@ -179,8 +179,8 @@ def observed_unknowns(campaign: CampaignData, seen: Mapping[str, Observation]) -
     places = [measured.site(index) for index, measured in enumerate(seen.values())]
     kept, notes = [], []
     for unknown in campaign.unknowns:
-        own = [place for place in places if place.among(unknown.configurations)]
-        if any(place.covered(address) for place in own for address in unknown.addresses):
+        reached = [place for place in places if place.among(unknown.configurations)]
+        if any(place.covered(address) for place in reached for address in unknown.addresses):
             kept.append(unknown)
         else:
             notes.append(f"{unknown.address} is not identified: no measurement of its assemblies is for identification")
@@ -213,17 +213,17 @@ class LevelSeries(Results[ForceSeries]):
     def tables(self) -> list[Table]:
         """Return the values at each level, a table for each joint, and the trends."""
         groups: dict[tuple[str, tuple[float, ...]], list[ForceSeries]] = {}
-        for name, one in self.items():
-            groups.setdefault((name.partition(".")[0], tuple(one.force)), []).append(one)
+        for name, series in self.items():
+            groups.setdefault((name.partition(".")[0], tuple(series.force)), []).append(series)
         tables = []
         for (owner, levels), group in groups.items():
             columns = [Column(self.over, self.unit, "g")]
             cells: list[list[Cell]] = [list(levels)]
-            for one in group:
-                half = 1.96 * one.standard_errors
-                columns += [Column(one.name.partition(".")[2], kind_of(one.name).unit, ".5g")]
+            for series in group:
+                half = 1.96 * series.standard_errors
+                columns += [Column(series.name.partition(".")[2], kind_of(series.name).unit, ".5g")]
                 columns += [Column("95 % interval", form=".5g")]
-                cells += [one.values.tolist(), list(zip(one.values - half, one.values + half, strict=True))]
+                cells += [series.values.tolist(), list(zip(series.values - half, series.values + half, strict=True))]
             tables.append(Table(f"{owner} over {self.over}", columns, list(zip(*cells, strict=True))))
         return [*tables, *super().tables()]
 
@@ -232,7 +232,7 @@ class LevelSeries(Results[ForceSeries]):
         return {
             "over": self.over,
             "unit": self.unit,
-            "parameters": {name: one.data() for name, one in self.items()},
+            "parameters": {name: series.data() for name, series in self.items()},
         }
 
 
@@ -327,7 +327,7 @@ def over_levels(campaign: CampaignData, fit: Identification) -> LevelSeries:
     squares: dict[str, list[float]] = {}
     for measured, residual in zip(campaign.to_identify.values(), fit.residuals, strict=True):
         squares.setdefault(measured.configuration, []).extend(np.square(residual).tolist())
-    found = {}
+    series = {}
     for law in fit.task.parameters.given:
         if not isinstance(law, Law) or not law.free or law.along != table.over:
             continue
@@ -341,10 +341,10 @@ def over_levels(campaign: CampaignData, fit: Identification) -> LevelSeries:
         rows.sort()
         columns = np.array(rows).T if len(rows) >= LEAST_LEVELS else None
         if columns is not None and np.all(np.diff(columns[0]) > 0.0) and columns[0, 0] >= 0.0:
-            found[law.name] = ForceSeries(
+            series[law.name] = ForceSeries(
                 name=law.name, force=columns[0], values=columns[1], standard_errors=columns[2]
             )
-    return LevelSeries(found, over=table.over, unit=unit, provenance=campaign.provenance())
+    return LevelSeries(series, over=table.over, unit=unit, provenance=campaign.provenance())
 
 
 def level_unit(table: SeriesTable) -> tuple[str, float]:
@@ -374,11 +374,11 @@ _ORDER = ("k_theta", "k_y", "k_ytheta")
 def invert_campaign(campaign: CampaignData, joint: str | None, limit: float) -> InverseCouplings:
     """Solve for the stiffness of joints on each frequency line; see `Campaign.invert`."""
     groups = joints_to_invert(campaign, joint)
-    found: dict[str, InverseCoupling] = {}
+    inversions: dict[str, InverseCoupling] = {}
     notes: list[str] = []
     provenance = campaign.provenance()
     for name, (owner, measured) in groups.items():
-        campaign.progress(f"solving for {name}, {len(found) + 1} of {len(groups)}")
+        campaign.progress(f"solving for {name}, {len(inversions) + 1} of {len(groups)}")
         unknown = [t for t in _ORDER if f"{owner}.{t}" in campaign.table.unknowns]
         terms = unknown[: len(measured)]
         if len(terms) < len(unknown):
@@ -388,7 +388,7 @@ def invert_campaign(campaign: CampaignData, joint: str | None, limit: float) -> 
                 f"{name}: {count} can determine as many terms on each line; {left} is fixed at its start value"
             )
         with errors_about(campaign.file, f"{name}: "):
-            one = invert_coupling(
+            inversion = invert_coupling(
                 list(measured.values()),
                 joint=owner,
                 terms=[term for term in TERMS if term in terms],
@@ -396,9 +396,9 @@ def invert_campaign(campaign: CampaignData, joint: str | None, limit: float) -> 
                 limit=limit,
                 threads=campaign.threads,
             )
-        found[name] = replace(one, name=name, provenance=provenance)
-        notes += [f"{name}: {note}" for note in one.notes]
-    return InverseCouplings(found, provenance=provenance, notes=tuple(dict.fromkeys(notes)))
+        inversions[name] = replace(inversion, name=name, provenance=provenance)
+        notes += [f"{name}: {note}" for note in inversion.notes]
+    return InverseCouplings(inversions, provenance=provenance, notes=tuple(dict.fromkeys(notes)))
 
 
 def joints_to_invert(campaign: CampaignData, joint: str | None = None) -> dict[str, tuple[str, dict[str, Observation]]]:

@@ -94,19 +94,19 @@ def takes_options(
     The parameter is made from the values of the options. Typer declares the options from the signature.
     """
 
-    def given(command: Callable[..., None]) -> Callable[..., None]:
+    def with_options(command: Callable[..., None]) -> Callable[..., None]:
         @functools.wraps(command)
         def called(**values: Any) -> None:
             command(**{name: made({option: values.pop(option) for option in options})}, **values)
 
-        own = inspect.signature(command, eval_str=True)
-        kept = [parameter for parameter in own.parameters.values() if parameter.name != name]
-        keyword = inspect.Parameter.KEYWORD_ONLY
-        added = [inspect.Parameter(key, keyword, default=own, annotation=kind) for key, (kind, own) in options.items()]
-        called.__signature__ = own.replace(parameters=[*kept, *added])  # type: ignore[attr-defined]
+        signature = inspect.signature(command, eval_str=True)
+        kept = [parameter for parameter in signature.parameters.values() if parameter.name != name]
+        only = inspect.Parameter.KEYWORD_ONLY
+        added = [inspect.Parameter(key, only, default=value, annotation=kind) for key, (kind, value) in options.items()]
+        called.__signature__ = signature.replace(parameters=[*kept, *added])  # type: ignore[attr-defined]
         return called
 
-    return given
+    return with_options
 
 
 def takes_quiet(command: Callable[..., None]) -> Callable[..., None]:

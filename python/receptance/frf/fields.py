@@ -30,7 +30,7 @@ Labels = tuple[tuple[str, ...], tuple[str, ...]]
 class MeasuredField(Generic[Accepted, Stored]):
     """Declaration of a field: what is accepted, the check that returns what is stored, and its axes.
 
-    As a descriptor it states both types; the class keeps the default alone.
+    It is a descriptor for type checkers, which read both types from it. `Declared` replaces it by its default.
 
     Parameters
     ----------
@@ -58,10 +58,10 @@ class MeasuredField(Generic[Accepted, Stored]):
         self.check, self.kind, self.doc, self.axes, self.default = check, kind, doc, axes, default
 
     def __get__(self, item: object | None, owner: type) -> Stored:
-        raise NotImplementedError
+        raise TypeError(f"{owner.__name__} declares fields of a measurement, expected a subclass of Declared")
 
     def __set__(self, item: object, value: Accepted) -> None:
-        raise NotImplementedError
+        raise TypeError(f"{type(item).__name__} declares fields of a measurement, expected a subclass of Declared")
 
     def documented(self, name: str) -> str:
         """Return the entry of the section "Parameters" of a docstring."""
