@@ -193,6 +193,18 @@ def test_profiles_are_a_second_figure(capsys: pytest.CaptureFixture[str]) -> Non
     assert "j-profiles.png" not in left()
 
 
+def test_profiles_are_computed_for_what_is_asked(capsys: pytest.CaptureFixture[str]) -> None:
+    write(Path(), TEXT + "\n[settings]\nstarts = 2\n")
+    assert call("identify", "campaign.toml", "--profile", "joint.k_theta", "--json", "i.json") == 0
+    assert list(json.loads(Path("i.json").read_text())["profiles"]) == ["joint.k_theta"]
+    assert call("identify", "campaign.toml", "--profile", "joint.k_teta") == 2
+    error = " ".join(capsys.readouterr().err.split())
+    assert 'no identified parameter "joint.k_teta" to profile' in error
+    assert "joint.k_theta" in error
+    assert call("predict", "campaign.toml", "--json", "p.json") == 0
+    assert json.loads(Path("p.json").read_text())["identified"]["profiles"] == {}
+
+
 def test_unmeasured_assemblies_are_predicted(capsys: pytest.CaptureFixture[str]) -> None:
     """Without anything held out the assemblies without measurements are predicted."""
     text = TEXT.replace('role = "hold out"\n', "")

@@ -214,10 +214,7 @@ def _observations(
     unknowns = tuple(unknown for unknown in campaign.unknowns if unknown.address not in given)
     if all(unknown.address in varied for unknown in unknowns):
         return observations, None
-    settings = campaign.table.settings.with_(profiles=False)
-    fit = identify_campaign(
-        replace(campaign, table=campaign.table.with_(settings=settings), measurements=measurements, unknowns=unknowns)
-    )
+    fit = identify_campaign(replace(campaign, measurements=measurements, unknowns=unknowns))
     identified = []
     for name, measured, assembly in zip(measurements, observations, fit.assemblies, strict=True):
         observation = altered(measured, assembly=assembly)

@@ -113,7 +113,7 @@ def predict_catalogue(
     """
     campaign = catalogue.campaign
     if identified is None and campaign.unknowns:
-        identified = campaign.identify()
+        identified = campaign.identify(profiles=())
     lines = _lines(catalogue)
     notes = _check_spindle(catalogue, lines)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal, TypedDict
 
 import numpy as np
@@ -17,7 +18,7 @@ from receptance.fit.covariance import covariance_of, variance_factor
 from receptance.fit.observation import Observation, Unit, as_observations
 from receptance.fit.parameters import Parameters
 from receptance.fit.peaks import check_bands
-from receptance.fit.problem import Problem, Task
+from receptance.fit.problem import End, Problem, Task
 from receptance.fit.result import Identification
 from receptance.fit.search import Start, fit_direct, fit_staged
 from receptance.fit.unknowns import Tolerance, Unknowns, Variables, as_unknowns
@@ -331,6 +332,28 @@ def conclude(
         seed=seed,
         task=task,
         provenance=Provenance(seed=seed),
+    )
+
+
+def restart(fit: Identification, better: End) -> Identification:
+    """Return a fit with the objective "log" that ends at a better optimum of its problem.
+
+    Values, covariance, residuals and advice are those of the better optimum, which is one more start.
+    """
+    problem = fit.task.problem()
+    run = Start(
+        start=fit.values,
+        values=problem.named(better.x),
+        variables=better.x,
+        cost=better.cost,
+        evaluations=better.evaluations,
+        converged=better.converged,
+        message=better.message,
+    )
+    notes = [*fit.notes, "a profile led to a better optimum, from which the fit was restarted"]
+    again = conclude(fit.task, problem, [*fit.starts, run], loss=None, seed=fit.seed, notes=notes)
+    return replace(
+        again, notes=list(dict.fromkeys(again.notes)), series=fit.series, groups=fit.groups, provenance=fit.provenance
     )
 
 
