@@ -158,7 +158,8 @@ def test_a_better_optimum_restarts_the_fit():
         profiles = profile_likelihoods(found, "joint.k_theta")
     profile, again = profiles["joint.k_theta"], profiles.fit
     assert profile.lower < 1e5 < profile.upper
-    assert again.converged and again.rejection == ()
+    assert again.converged
+    assert again.rejection == ()
     assert again.values["joint.k_theta"] == pytest.approx(profile.value, rel=1e-9)
     assert again.starts[:-1] == found.starts
     assert again.starts[-1].cost < found.starts[0].cost
@@ -170,10 +171,12 @@ def test_a_better_optimum_restarts_the_fit():
 def test_evaluations_of_profiles_are_limited():
     found = identify(measure(make_assembly()), STIFFNESSES, starts=2)
     whole = profile_likelihoods(found)
-    assert whole.fit is found and whole.unfinished == ()
+    assert whole.fit is found
+    assert whole.unfinished == ()
     first, last = whole
     some = profile_likelihoods(found, most=whole[first].evaluations + 2)
-    assert list(some) == [first] and some.unfinished == (last,)
+    assert list(some) == [first]
+    assert some.unfinished == (last,)
     assert some[first].lower == whole[first].lower
 
 

@@ -20,6 +20,7 @@ from receptance.fit.prediction import PredictedFrequencies, PredictedFRF
 from receptance.fit.predictor import PredictedAssembly, Predictor
 from receptance.fit.unknowns import covered
 from receptance.model.assembly import Assembly
+from receptance.model.terminals import MeasuredPart, ModalPart
 from receptance.report import Column, Provenance, Result, Table
 from receptance.report.table import Cell
 
@@ -249,7 +250,14 @@ def predict_campaign(campaign: CampaignData, identified: Identification | None) 
                 frequencies += [] if modes is None else [modes]
                 frfs.append(frf)
             elif measured.is_receptance:
-                frfs.append(replace(predicted.observed(measured), name=name, assembly=measured.configuration))
+                frf = replace(predicted.observed(measured), name=name, assembly=measured.configuration)
+                frfs.append(frf)
+                lost = [f"{peak.predicted_hz:.0f}" for peak in frf.peaks if peak.predicted_hz and not peak.deviation_hz]
+                if lost and identified is not None:
+                    notes.append(
+                        f"{name}: the peaks predicted at {', '.join(lost)} Hz have no interval, because no mode can be "
+                        "fitted to their lines"
+                    )
             else:
                 modes = predicted.observed_modes(measured)
                 frequencies.append(replace(modes, name=name, assembly=measured.configuration))
@@ -313,19 +321,23 @@ def _unmeasured(
 ) -> tuple[PredictedFrequencies | None, PredictedFRF]:
     assembly = predicted.assembly
     lines = prediction_lines(campaign, assembly)
-    frequencies = None
-    if not assembly.countable:
-        notes.append(f"{name}: the spindle is a modal part, so natural frequencies are not predicted, only the FRF")
+    if assembly.countable:
+        frequencies = predicted.natural_frequencies(float(lines[-1]))
     else:
-        frequencies = replace(predicted.natural_frequencies(float(lines[-1])), name=name, assembly=name)
-        if not frequencies.modes:
-            frequencies = None
-            notes.append(f"{name}: there is no natural frequency below {lines[-1]:g} Hz")
+        frequencies = predicted.peak_frequencies(lines, predicted.linear(lines))
+        notes.append(
+            f"{name}: {next(reversed(assembly.elements))} is known by modes or by a table, so natural frequencies are "
+            "those of the distinct peaks of the FRF of the tip"
+        )
+    if not frequencies.modes:
+        which = "natural frequency" if assembly.countable else "distinct peak of the tip"
+        notes.append(f"{name}: there is no {which} below {lines[-1]:g} Hz")
     response, excitation = campaign.places[name]
     amplitude = campaign.table.prediction.force
     force = None if amplitude is None else np.full(lines.size, amplitude)
     frf = predicted.receptance(lines, response, excitation, force=force)
-    return frequencies, replace(frf, name=name, assembly=name)
+    named = replace(frequencies, name=name, assembly=name) if frequencies.modes else None
+    return named, replace(frf, name=name, assembly=name)
 
 
 def prediction_lines(campaign: CampaignData, assembly: Assembly) -> NDArray[np.float64]:
@@ -334,13 +346,27 @@ def prediction_lines(campaign: CampaignData, assembly: Assembly) -> NDArray[np.f
     upper = campaign.highest_frequency
     if upper is None:
         raise campaign.error("the highest frequency of predictions is not given, expected `prediction.upper`")
+    *_, end = assembly.elements.values()
+    if isinstance(end, MeasuredPart) and settings.step is None:
+        # Between its lines a table may have no value.
+        table = np.asarray(end.frequency_hz)
+        lines = np.asarray(table[(table >= (settings.lower or 0.0)) & (table <= upper)])
+        if lines.size < 2:
+            text = f"is {upper:g} Hz for predictions, but {end.name or 'the table'} has lines from {table[0]:g} to "
+            raise campaign.error(f"{text}{table[-1]:g} Hz, expected at least two of them", "prediction", "upper")
+        return lines
     try:
         modes = assembly.natural_frequencies(upper) if assembly.countable else np.empty(0)
     except ValueError as error:
         expected = f"expected one near those of the measurements, or other sizes of {', '.join(assembly.elements)}"
         text = f"is {upper:g} Hz for predictions: {error}; {expected}"
         raise campaign.error(text, "prediction", "upper") from None
-    lower = settings.lower if settings.lower is not None else 0.1 * float(modes[0] if modes.size else upper)
+    lower = settings.lower
+    if lower is None and assembly.countable:
+        lower = 0.1 * float(modes[0] if modes.size else upper)
+    elif lower is None:
+        band = end.band_hz if isinstance(end, ModalPart) else None
+        lower = band[0] if band else upper / _LINES
     return lines_between(campaign, lower, upper, _LINES)
 
 

@@ -14,7 +14,6 @@ from receptance import _checks
 from receptance.campaign import CampaignError, predict_assembly
 from receptance.campaign.prediction import lines_between
 from receptance.catalogue.building import Catalogue
-from receptance.catalogue.modes import line_modes
 from receptance.catalogue.rows import ToolRow
 from receptance.errors import ReceptanceError
 from receptance.fit import Identification, PredictedFRF
@@ -153,15 +152,13 @@ def _predict(
     tool, notes_of_tool = catalogue.assemble(row), list(notes)
     predicted = predict_assembly(catalogue.campaign, identified, tool.site, tool.tolerances, row.name, notes_of_tool, 1)
     linear = predicted.linear(lines)
-    modes = line_modes(lines, linear.receptance, linear.variance)
-    slopes = modes.log_slopes(linear.slope).reshape(3 * len(modes), len(predicted.addresses))
-    deviation = predicted.scatter(slopes).total.reshape(-1, 3)
+    modes, scatter = predicted.line_modes(lines, linear)
     return ToolPrediction(
         row=row,
         assembly=predicted.assembly,
         tip=predicted.receptance(lines, draws=draws, seed=seed, linear=linear, phase=False),
         modes=modes.values,
-        modes_deviation=np.sqrt(deviation**2 + modes.log_variances(linear.variance)),
+        modes_deviation=scatter.total.reshape(-1, 3),
         level=catalogue.campaign.table.prediction.level,
         rejection=() if identified is None else identified.rejection,
         notes=tuple(notes_of_tool),

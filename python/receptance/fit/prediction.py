@@ -39,6 +39,11 @@ class Scatter:
         """Return the scatter with further independent errors of these standard deviations, `(n,)`."""
         return replace(self, total=np.hypot(self.total, deviation)) if deviation.any() else self
 
+    def of(self, rows: slice, factor: NDArray[np.float64]) -> Scatter:
+        """Return the scatter of some of the results, each multiplied by a positive factor."""
+        errors = {name: factor * change[rows] for name, change in self.errors.items()}
+        return Scatter(factor * self.total[rows], factor * self.data[rows], errors)
+
     @property
     def shares(self) -> dict[str, NDArray[np.float64]]:
         """Share of each error in the variance, `(n,)`; shares of correlated errors overlap."""

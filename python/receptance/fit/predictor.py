@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance.errors import ReceptanceError
 from receptance.fit.covariance import square_root
+from receptance.fit.line_modes import LineModes, line_modes
 from receptance.fit.observation import Observation, Unit
 from receptance.fit.parameters import FACTORS, ParameterMap, Parameters, Site
 from receptance.fit.peaks import PredictedMode, match_peaks
@@ -36,6 +37,9 @@ from receptance.model.coordinates import Coordinate
 from receptance.model.terminals import RESIDUALS, MeasuredPart, nearest_lines
 
 _Value = TypeVar("_Value")
+_SAME_PEAK = 0.02
+"""Relative distance of the peak of a response from a natural frequency of its lines up to which it is the peak of this
+mode."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,12 +194,12 @@ class PredictedAssembly:
     def natural_frequencies(self, upper_hz: float) -> PredictedFrequencies:
         """Return the natural frequencies up to a limit, with their standard errors to first order."""
         frequency_hz, slope = self.assembly.natural_frequency_derivatives(upper_hz, list(self.addresses))
-        return self._frequencies(range(1, frequency_hz.size + 1), frequency_hz, slope)
+        return self._frequencies(range(1, frequency_hz.size + 1), frequency_hz, self.scatter(slope))
 
     def _frequencies(
-        self, numbers: Sequence[int], frequency_hz: NDArray[np.float64], slope: NDArray[np.float64]
+        self, numbers: Sequence[int], frequency_hz: NDArray[np.float64], scatter: Scatter
     ) -> PredictedFrequencies:
-        scatter, freedom = self.scatter(slope), self.predictor.degrees_of_freedom
+        freedom = self.predictor.degrees_of_freedom
         modes = [
             PredictedMode(mode=number, predicted_hz=frequency, deviation_hz=deviation, degrees_of_freedom=freedom)
             for number, frequency, deviation in zip(numbers, frequency_hz.tolist(), scatter.total.tolist(), strict=True)
@@ -206,7 +210,7 @@ class PredictedAssembly:
         """Return the natural frequencies of a measurement of this assembly; `noise` are its deviations in Hz."""
         frequency_hz, slope = self.assembly.lowest_natural_frequencies(max(measured.modes), self.addresses)
         rows = [number - 1 for number in measured.modes]
-        predicted = self._frequencies(measured.modes, frequency_hz[rows], slope[rows])
+        predicted = self._frequencies(measured.modes, frequency_hz[rows], self.scatter(slope[rows]))
         noise = measured.standard_deviation if noise is None else noise
         deviations = np.zeros(len(rows)) if noise is None else noise
         modes = [
@@ -244,6 +248,25 @@ class PredictedAssembly:
             errors = covariance[nearest_lines(spindle.frequency_hz, np.asarray(frequency_hz).real)[0]]
             variance = np.einsum("ni,nij,nj->n", residual_slope, errors, residual_slope.conj()).real
         return LinearFRF(receptance, slope, variance)
+
+    def line_modes(self, frequency_hz: NDArray[np.float64], linear: LinearFRF) -> tuple[LineModes, Scatter]:
+        """Return the modes that are peaks of a receptance on `(n,)` lines, and the scatter of the logarithms.
+
+        The scatter is that of frequency, damping ratio and dynamic stiffness of each mode in turn, `(3 k,)`.
+        """
+        modes = line_modes(frequency_hz, linear.receptance, linear.variance)
+        slopes = modes.log_slopes(linear.slope).reshape(3 * len(modes), len(self.addresses))
+        of_lines = np.sqrt(modes.log_variances(linear.variance)).ravel()
+        return modes, self.scatter(slopes).widened(of_lines)
+
+    def peak_frequencies(self, frequency_hz: NDArray[np.float64], linear: LinearFRF) -> PredictedFrequencies:
+        """Return the natural frequencies that are peaks of a receptance on `(n,)` lines, numbered from the lowest.
+
+        They are those of an assembly that ends with modes or with a table of receptances, where no modes are counted.
+        """
+        modes, scatter = self.line_modes(frequency_hz, linear)
+        frequencies = modes.values[:, 0]
+        return self._frequencies(range(1, len(modes) + 1), frequencies, scatter.of(slice(0, None, 3), frequencies))
 
     def receptance(
         self,
@@ -318,11 +341,12 @@ class PredictedAssembly:
         where the fit has identified them. `noise` is the standard deviation of the measured logarithm, by default the
         stated one; draws are those of `receptance`.
         """
-        places = (
+        places = [
             moved_coordinate(place, measured.assembly.elements, self.assembly.elements)
             for place in (measured.response, measured.excitation)
-        )
-        predicted = self.receptance(measured.frequency_hz, *places, force=measured.force, draws=draws, seed=seed)
+        ]
+        options = {"force": measured.force, "linear": self.linear(measured.frequency_hz, *places, measured.force)}
+        predicted = self.receptance(measured.frequency_hz, *places, draws=draws, seed=seed, **options)
         if any(unknown.address in FACTORS for unknown in self.predictor.parameters.given):
             chain = self.recorded(measured) / predicted.receptance
             predicted = replace(predicted, receptance=chain * predicted.receptance, drawn=chain * predicted.drawn)
@@ -336,25 +360,33 @@ class PredictedAssembly:
             excitation=measured.excitation,
             measured=measured.receptance,
             measured_deviation=noise,
-            peaks=self._peaks(measured, peaks),
+            peaks=self._peaks(measured, peaks, options["linear"]),
         )
 
-    def _peaks(self, measured: Observation, peaks: Sequence[PredictedMode]) -> tuple[PredictedMode, ...]:
+    def _peaks(
+        self, measured: Observation, peaks: Sequence[PredictedMode], linear: LinearFRF
+    ) -> tuple[PredictedMode, ...]:
         """Return peaks with the mode and the standard deviation of the natural frequency nearest to each.
 
-        An assembly that ends with receptances or modes has no natural frequencies; its peaks have no interval.
+        Where an assembly ends with modes or a table, natural frequencies are those of the lines, and a peak that is
+        none of them has no standard deviation.
         """
-        highest = max((peak.predicted_hz or 0.0 for peak in peaks), default=0.0)
+        predicted_hz = np.array([peak.predicted_hz for peak in peaks if peak.predicted_hz is not None])
         modes: tuple[PredictedMode, ...] = ()
-        if highest and self.assembly.countable:
-            modes = self.natural_frequencies(1.1 * highest).modes
+        if predicted_hz.size and self.assembly.countable:
+            modes = self.natural_frequencies(1.1 * float(predicted_hz.max())).modes
+        elif predicted_hz.size:
+            of_lines = self.peak_frequencies(measured.frequency_hz.real, linear).modes
+            near = [np.abs(predicted_hz / mode.predicted_hz - 1.0).min() < _SAME_PEAK for mode in of_lines]
+            modes = tuple(replace(mode, mode=None) for mode, is_near in zip(of_lines, near, strict=True) if is_near)
         frequencies = np.array([mode.predicted_hz for mode in modes])
         freedom, named = self.predictor.degrees_of_freedom, []
         for peak in peaks:
             peak = replace(peak, configuration=measured.configuration, label=measured.label, degrees_of_freedom=freedom)
             if peak.predicted_hz is not None and modes:
-                near = modes[int(np.abs(frequencies - peak.predicted_hz).argmin())]
-                peak = replace(peak, mode=near.mode, deviation_hz=near.deviation_hz)
+                nearest = modes[int(np.abs(frequencies - peak.predicted_hz).argmin())]
+                if self.assembly.countable or abs(peak.predicted_hz / nearest.predicted_hz - 1.0) < _SAME_PEAK:
+                    peak = replace(peak, mode=nearest.mode, deviation_hz=nearest.deviation_hz)
             named.append(peak)
         return tuple(named)
 
