@@ -17,8 +17,8 @@ from receptance._text import instead_of
 from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import identify_campaign
 from receptance.campaign.values import kind_of
-from receptance.diagnosis.thresholds import CHANCE, MISFIT_LIMIT
 from receptance.fit import Identification, Observation
+from receptance.fit.adequacy import CHANCE, MISFIT_LIMIT
 from receptance.fit.observation import altered
 from receptance.fit.parameters import FACTORS
 from receptance.fit.unknowns import Law, covered

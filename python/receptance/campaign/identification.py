@@ -359,6 +359,7 @@ def _fitted(
             max_evaluations=settings.max_evaluations,
             threads=campaign.threads,
             strategy="staged" if staged and weighed and settings.objective == "log" else "direct",
+            noise="stated",
         )
     except (ReceptanceError, ValueError):
         return None  # the fit of all levels reports the error
@@ -386,7 +387,8 @@ def over_levels(campaign: CampaignData, fit: Identification) -> LevelSeries:
             title = law.name_in(name)
             if title in fit.values and np.isfinite(fit.standard_errors[title]):
                 level = campaign.site(name).conditions[table.over] / factor
-                left = max(float(np.sqrt(np.mean(square))), 1.0) if fit.known_scatter else 1.0
+                is_stated = fit.known_scatter and fit.discrepancy is None
+                left = max(float(np.sqrt(np.mean(square))), 1.0) if is_stated else 1.0
                 rows.append((level, fit.values[title], fit.standard_errors[title] * left))
         rows.sort()
         columns = np.array(rows).T if len(rows) >= LEAST_LEVELS else None

@@ -21,7 +21,7 @@ from receptance.fit.predictor import PredictedAssembly, Predictor
 from receptance.fit.unknowns import covered
 from receptance.model.assembly import Assembly
 from receptance.model.terminals import MeasuredPart, ModalPart
-from receptance.report import Column, Provenance, Result, Table
+from receptance.report import ACCEPTED, Column, Provenance, Rejection, Result, Table
 from receptance.report.table import Cell
 
 
@@ -101,9 +101,9 @@ class Prediction(Result):
         ]
 
     @property
-    def rejection(self) -> tuple[str, ...]:
-        """Why the fit is rejected; empty if it is accepted or there is none."""
-        return () if self.identified is None else self.identified.rejection
+    def rejection(self) -> Rejection:
+        """Why the fit is rejected; false if it is accepted or there is none."""
+        return ACCEPTED if self.identified is None else self.identified.rejection
 
     def warnings(self) -> list[str]:
         """Return the most important advice of the fit; the fit itself has the rest."""

@@ -22,6 +22,7 @@ from receptance.frf import FRF
 from receptance.frf.plausibility import check_drive_point, low_frequency_rise
 from receptance.model.assembly import Assembly
 from receptance.model.terminals import MeasuredPart, ModalPart
+from receptance.report import ACCEPTED, Rejection
 
 _LINES = 2000
 """Number of lines if neither a step nor a measured spindle gives them."""
@@ -46,14 +47,14 @@ class ToolPrediction:
     """`(k, 3)` standard deviations of their logarithms."""
     level: float
     """Level of the intervals."""
-    rejection: tuple[str, ...] = ()
-    """Rejection of the fit; empty if it is accepted or there is none."""
+    rejection: Rejection = ACCEPTED
+    """Rejection of the fit; false if it is accepted or there is none."""
     notes: tuple[str, ...] = ()
 
     @property
     def modes_interval(self) -> NDArray[np.float64]:
         """`(k, 3, 2)` lower and upper ends of the intervals of `modes`."""
-        reach = np.exp(confidence_multiplier(self.level, None) * self.modes_deviation)
+        reach = np.exp(confidence_multiplier(self.level, self.tip.degrees_of_freedom) * self.modes_deviation)
         return np.stack([self.modes / reach, self.modes * reach], axis=-1)
 
     @property
@@ -160,7 +161,7 @@ def _predict(
         modes=modes.values,
         modes_deviation=scatter.total.reshape(-1, 3),
         level=catalogue.campaign.table.prediction.level,
-        rejection=() if identified is None else identified.rejection,
+        rejection=ACCEPTED if identified is None else identified.rejection,
         notes=tuple(notes_of_tool),
     )
 

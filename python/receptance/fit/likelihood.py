@@ -138,11 +138,11 @@ def constrained_fit(fit: Identification, values: Mapping[str, float], *, starts:
         values={name: float(value) for name, value in values.items()},
         others={name: float(others[i]) for i, name in enumerate(fit.addresses) if free[i]},
         rise=rise,
-        p_value=_p_value(rise, len(values), None if fit.known_scatter else fit.degrees_of_freedom),
+        p_value=_p_value(rise, len(values), fit.scatter_freedom),
     )
 
 
-def _p_value(rise: float, count: int, degrees_of_freedom: int | None) -> float:
+def _p_value(rise: float, count: int, degrees_of_freedom: float | None) -> float:
     if np.isinf(rise):
         return 0.0
     if degrees_of_freedom is None:
@@ -163,7 +163,7 @@ def log_evidence(fit: Identification) -> float:
     Raises
     ------
     ValueError
-        No standard deviations, or the percentage objective.
+        No standard deviations, the percentage objective, or a fit that allows for a discrepancy.
 
     Examples
     --------
@@ -183,16 +183,20 @@ def log_evidence(fit: Identification) -> float:
     ... ]
     >>> grows = Power(of="torque", reference=40.0)
     >>> laws = [Law(address="joint.k_theta", lower=1e3, upper=1e7, powers=powers) for powers in ((), grows)]
-    >>> constant, power = (log_evidence(identify(measured, law)) for law in laws)
+    >>> constant, power = (log_evidence(identify(measured, law, noise="stated")) for law in laws)
     >>> power > constant + 10.0
     True
     """
     if not fit.known_scatter:
         raise ValueError("evidence needs standard deviations: give the observations them, and the objective 'log'")
+    if fit.discrepancy is not None:
+        raise ValueError(
+            "the fit allows for an error of its model, which differs between models; fits whose evidence is compared "
+            'need the same noise: identify with noise="stated"'
+        )
     problem = fit.task.problem()
     residual = problem.residual(fit.vector)
-    # A factor on the standard deviations divides the density of each independent number.
-    total = -0.5 * float(residual @ residual) - fit.task.independent_values * math.log(fit.noise_factor)
+    total = -0.5 * float(residual @ residual)
     low, high = problem.variables.limits
     slopes = problem.variables.priors[:, 1]
     total += float(np.sum(np.log(slopes))) - 0.5 * slopes.size * math.log(2.0 * math.pi)

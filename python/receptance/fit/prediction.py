@@ -125,7 +125,7 @@ class PredictedFRF:
     """Of the imaginary part; None if not computed."""
     drawn: NDArray[np.complex128] = field(repr=False)
     """`(draws, n)` complex receptances of vectors drawn from the posterior; `(0, n)` without draws."""
-    degrees_of_freedom: int | None = None
+    degrees_of_freedom: float | None = None
     """Of the scatter, where it was estimated; None where it was known."""
     measured: NDArray[np.complex128] | None = field(default=None, repr=False)
     """`(n,)` complex."""

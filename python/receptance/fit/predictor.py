@@ -8,6 +8,8 @@ evaluated.
 
 Data of new observations have the residuals of every fit, and the information of the fit in place of the priors. They
 are hypothetical ones for the next measurement and the advice of a diagnosis, or those of held-out configurations.
+
+Where the model of the fit is not adequate, predictions have its discrepancy as well: see `fit.discrepancy`.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance.errors import ReceptanceError
 from receptance.fit.covariance import square_root
+from receptance.fit.discrepancy import Curve, Discrepancy
 from receptance.fit.line_modes import LineModes, line_modes
 from receptance.fit.observation import Observation, Unit
 from receptance.fit.parameters import FACTORS, ParameterMap, Parameters, Site
@@ -55,11 +58,13 @@ class Predictor:
     """`(p,)` identified values of the unknowns in SI units."""
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
     """`(p, p)` of the fitted variables; infinite for variables that are not determined."""
-    degrees_of_freedom: int | None = None
+    degrees_of_freedom: float | None = None
     """Of the covariance, where the scatter was estimated; None where it was known."""
     threads: int | None = None
     root: NDArray[np.float64] | None = None
     """Any matrix R with R^T R the information of data and priors at `values`, for predictions of data, see `of`."""
+    discrepancy: Discrepancy | None = None
+    """Error of the model, which every prediction has beside the posterior."""
 
     @cached_property
     def variables(self) -> Variables:
@@ -135,7 +140,8 @@ class Predictor:
     def draw(self, count: int, seed: int) -> NDArray[np.float64]:
         """Return values of the unknowns drawn from the posterior, `(count, p)`.
 
-        They are normal within the bounds; a variable that the data do not determine is uniform between its bounds.
+        They are normal within the bounds, or of Student's t distribution with a discrepancy; a variable that the data
+        do not determine is uniform between its bounds.
         """
         if not self.values.size:
             return np.zeros((count, 0))
@@ -144,8 +150,16 @@ class Predictor:
         determined = np.isfinite(np.diag(self.covariance))
         root = square_root(self.covariance[np.ix_(determined, determined)])
         x = low + (high - low) * random.random((count, low.size))
-        x[:, determined] = self.x[determined] + random.standard_normal((count, len(root))) @ root.T
+        moved = random.standard_normal((count, len(root))) @ root.T
+        x[:, determined] = self.x[determined] + self.spreads(count, seed)[:, None] * moved
         return self.variables.to_values(np.clip(x, low, high))
+
+    def spreads(self, count: int, seed: int) -> NDArray[np.float64]:
+        """Return the factor of all errors of each draw, `(count,)`: the size of a discrepancy is uncertain, else 1."""
+        if self.discrepancy is None or self.degrees_of_freedom is None:
+            return np.ones(count)
+        freedom = self.degrees_of_freedom
+        return np.asarray(np.sqrt(freedom / np.random.default_rng([seed, 3]).chisquare(freedom, count)))
 
 
 class LinearFRF(NamedTuple):
@@ -194,7 +208,15 @@ class PredictedAssembly:
     def natural_frequencies(self, upper_hz: float) -> PredictedFrequencies:
         """Return the natural frequencies up to a limit, with their standard errors to first order."""
         frequency_hz, slope = self.assembly.natural_frequency_derivatives(upper_hz, list(self.addresses))
-        return self._frequencies(range(1, frequency_hz.size + 1), frequency_hz, self.scatter(slope))
+        return self._frequencies(
+            range(1, frequency_hz.size + 1), frequency_hz, self._modal_scatter(frequency_hz, slope)
+        )
+
+    def _modal_scatter(self, frequency_hz: NDArray[np.float64], slope: NDArray[np.float64]) -> Scatter:
+        """Return the scatter of natural frequencies with derivatives `(n, m)`, with the error of the model."""
+        discrepancy = self.predictor.discrepancy
+        scatter = self.scatter(slope)
+        return scatter if discrepancy is None else scatter.widened(discrepancy.frequency * frequency_hz)
 
     def _frequencies(
         self, numbers: Sequence[int], frequency_hz: NDArray[np.float64], scatter: Scatter
@@ -210,7 +232,8 @@ class PredictedAssembly:
         """Return the natural frequencies of a measurement of this assembly; `noise` are its deviations in Hz."""
         frequency_hz, slope = self.assembly.lowest_natural_frequencies(max(measured.modes), self.addresses)
         rows = [number - 1 for number in measured.modes]
-        predicted = self._frequencies(measured.modes, frequency_hz[rows], self.scatter(slope[rows]))
+        scatter = self._modal_scatter(frequency_hz[rows], slope[rows])
+        predicted = self._frequencies(measured.modes, frequency_hz[rows], scatter)
         noise = measured.standard_deviation if noise is None else noise
         deviations = np.zeros(len(rows)) if noise is None else noise
         modes = [
@@ -256,8 +279,12 @@ class PredictedAssembly:
         """
         modes = line_modes(frequency_hz, linear.receptance, linear.variance)
         slopes = modes.log_slopes(linear.slope).reshape(3 * len(modes), len(self.addresses))
-        of_lines = np.sqrt(modes.log_variances(linear.variance)).ravel()
-        return modes, self.scatter(slopes).widened(of_lines)
+        variances, discrepancy = modes.log_variances(linear.variance), self.predictor.discrepancy
+        if discrepancy is not None:
+            # The height of a peak is that of its damping ratio as well.
+            level = discrepancy.relative or 0.0
+            variances = variances + np.square([discrepancy.frequency, discrepancy.damping or level, level])
+        return modes, self.scatter(slopes).widened(np.sqrt(variances).ravel())
 
     def peak_frequencies(self, frequency_hz: NDArray[np.float64], linear: LinearFRF) -> PredictedFrequencies:
         """Return the natural frequencies that are peaks of a receptance on `(n,)` lines, numbered from the lowest.
@@ -304,12 +331,17 @@ class PredictedAssembly:
         if 2 * len(assemblies) < draws:
             raise ReceptanceError(f"only {len(assemblies)} of {draws} vectors drawn from the posterior have a model")
         drawn = np.array([assembly.receptance(frequency_hz, **options) for assembly in assemblies], np.complex128)
+        numbers = [number for number, assembly in enumerate(vectors) if assembly is not None]
         drawn = drawn.reshape(-1, linear.receptance.size)
+        drawn = self.with_model_errors(np.asarray(frequency_hz), drawn, numbers, seed)
         if linear.variance.any():
             real, imaginary = np.random.default_rng([seed, 1]).standard_normal((2, *drawn.shape))
             drawn = drawn + np.sqrt(linear.variance) * (real + 1j * imaginary)
         log_slope = linear.slope / linear.receptance[:, None]
         log_deviation = np.sqrt(linear.variance) / np.abs(linear.receptance)
+        if self.predictor.discrepancy is not None:
+            curve = Curve.of(np.asarray(frequency_hz).real, linear.receptance)
+            log_deviation = np.hypot(log_deviation, np.sqrt(self.predictor.discrepancy.log_variance(curve)))
         return PredictedFRF(
             response=response or Coordinate(),
             excitation=excitation or Coordinate(),
@@ -341,12 +373,13 @@ class PredictedAssembly:
         where the fit has identified them. `noise` is the standard deviation of the measured logarithm, by default the
         stated one; draws are those of `receptance`.
         """
-        places = [
+        lines, force = measured.frequency_hz, measured.force
+        response, excitation = (
             moved_coordinate(place, measured.assembly.elements, self.assembly.elements)
             for place in (measured.response, measured.excitation)
-        ]
-        options = {"force": measured.force, "linear": self.linear(measured.frequency_hz, *places, measured.force)}
-        predicted = self.receptance(measured.frequency_hz, *places, draws=draws, seed=seed, **options)
+        )
+        linear = self.linear(lines, response, excitation, force)
+        predicted = self.receptance(lines, response, excitation, force=force, draws=draws, seed=seed, linear=linear)
         if any(unknown.address in FACTORS for unknown in self.predictor.parameters.given):
             chain = self.recorded(measured) / predicted.receptance
             predicted = replace(predicted, receptance=chain * predicted.receptance, drawn=chain * predicted.drawn)
@@ -360,7 +393,7 @@ class PredictedAssembly:
             excitation=measured.excitation,
             measured=measured.receptance,
             measured_deviation=noise,
-            peaks=self._peaks(measured, peaks, options["linear"]),
+            peaks=self._peaks(measured, peaks, linear),
         )
 
     def _peaks(
@@ -379,14 +412,14 @@ class PredictedAssembly:
             of_lines = self.peak_frequencies(measured.frequency_hz.real, linear).modes
             near = [np.abs(predicted_hz / mode.predicted_hz - 1.0).min() < _SAME_PEAK for mode in of_lines]
             modes = tuple(replace(mode, mode=None) for mode, is_near in zip(of_lines, near, strict=True) if is_near)
-        frequencies = np.array([mode.predicted_hz for mode in modes])
+        frequencies = np.array([mode.predicted_hz for mode in modes], dtype=np.float64)
         freedom, named = self.predictor.degrees_of_freedom, []
         for peak in peaks:
             peak = replace(peak, configuration=measured.configuration, label=measured.label, degrees_of_freedom=freedom)
             if peak.predicted_hz is not None and modes:
-                nearest = modes[int(np.abs(frequencies - peak.predicted_hz).argmin())]
-                if self.assembly.countable or abs(peak.predicted_hz / nearest.predicted_hz - 1.0) < _SAME_PEAK:
-                    peak = replace(peak, mode=nearest.mode, deviation_hz=nearest.deviation_hz)
+                index = int(np.abs(frequencies - peak.predicted_hz).argmin())
+                if self.assembly.countable or abs(peak.predicted_hz / frequencies[index] - 1.0) < _SAME_PEAK:
+                    peak = replace(peak, mode=modes[index].mode, deviation_hz=modes[index].deviation_hz)
             named.append(peak)
         return tuple(named)
 
@@ -413,6 +446,27 @@ class PredictedAssembly:
             except ValueError:
                 drawn.append(None)  # a joint that is not passive, say
         return drawn
+
+    def with_model_errors(
+        self, frequency_hz: NDArray[np.inexact], drawn: NDArray[np.complex128], numbers: Sequence[int], seed: int
+    ) -> NDArray[np.complex128]:
+        """Return receptances of draws with these numbers, `(draws, n)`, with an error of the model where it has one."""
+        if self.predictor.discrepancy is None:
+            return drawn
+        moved = []
+        for values, number in zip(drawn, numbers, strict=True):
+            curve = Curve.of(frequency_hz.real, values)
+            moved.append(curve.moved_by(*self.model_errors(curve.modes, number, seed)))
+        return np.array(moved, np.complex128).reshape(drawn.shape)
+
+    def model_errors(self, modes: int, number: int, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the error of the model in a draw: logarithms of frequency and level of each mode, `(modes,)` each."""
+        discrepancy = self.predictor.discrepancy
+        if discrepancy is None:
+            return np.zeros(modes), np.zeros(modes)
+        spread = self.predictor.spreads(number + 1, seed)[number]
+        shift, level = spread * np.random.default_rng([seed, number, 2]).standard_normal((modes, 2)).T
+        return discrepancy.frequency * shift, (discrepancy.relative or 0.0) * level
 
     def draw(self, value: Callable[[Assembly], _Value], count: int, seed: int) -> list[_Value | None]:
         """Return a value of each drawn assembly; None where it cannot be evaluated."""

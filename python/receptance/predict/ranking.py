@@ -20,7 +20,7 @@ from receptance.fit.predictor import Predictor
 from receptance.fit.result import Identification
 from receptance.predict.gain import SMALLEST, Target, data_of, expected_deviations, names_of, predictors_at, worth
 from receptance.predict.menu import Candidate, Menu
-from receptance.report import Column, Provenance, Result, Table
+from receptance.report import ACCEPTED, Column, Provenance, Rejection, Result, Table
 from receptance.report.table import Cell, Interval, percent
 
 _WIDE = 0.1
@@ -112,8 +112,8 @@ class NextMeasurement(Result):
     profiled: tuple[str, ...]
     """Parameters with intervals so wide that these points lie along their profiles."""
     notes: tuple[str, ...]
-    rejection: tuple[str, ...] = ()
-    """Rejection of the fit; empty if it is accepted."""
+    rejection: Rejection = ACCEPTED
+    """Rejection of the fit; false if it is accepted."""
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Next measurement"
