@@ -18,7 +18,7 @@ from receptance.diagnosis.fitting import fit_base, fit_discrepancy
 from receptance.diagnosis.held_out import Improvement
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.thresholds import MARGIN
-from receptance.fit import Tolerance, Unknown
+from receptance.fit import Tolerance, Unknown, identify
 from receptance.fit.adequacy import Strain
 from receptance.fit.discrepancy import Discrepancy, curve_of
 from receptance.fit.observation import altered
@@ -130,6 +130,18 @@ def test_intervals_of_the_joint_include_the_discrepancy():
     print("standard errors away, without and with the discrepancy:", away)
     assert away[0] > 8.0
     assert away[1] < 4.0
+
+
+def test_identify_and_diagnose_state_the_same_intervals():
+    data = observed(0.005, 0.05)
+    fit = identify(data, JOINT, tolerances=TOLERANCES, starts=1, strategy="staged")
+    base = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["time_delay"], fast=True).base
+    assert fit.rejection.widened
+    assert base.discrepancy.is_close(fit.discrepancy)
+    assert base.scatter_freedom == pytest.approx(fit.scatter_freedom, rel=0.05)
+    for unknown in JOINT:
+        assert base.values[unknown.address] == pytest.approx(fit.values[unknown.address], rel=2e-3)
+        assert base.interval(unknown.address) == pytest.approx(fit.interval(unknown.address), rel=0.02)
 
 
 def test_lines_of_a_mode_count_once():
