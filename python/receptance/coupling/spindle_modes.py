@@ -171,7 +171,7 @@ def fit_spindle(
     check_blanks(observed)
     start = _start(spindle, modes, name=name)
     low, high = (float(np.asarray(spindle.frequency_hz).real[i]) for i in (0, -1))
-    fit = identify(_coupled(observed, start), _unknowns(start, high), starts=1, threads=threads)
+    fit = identify(_coupled(observed, start), _unknowns(start, high), starts=1, threads=threads, noise="stated")
     values = {address.split(".", 1)[1]: value for address, value in fit.values.items()}
     part = start.with_values(values)
     return SpindleModes(
