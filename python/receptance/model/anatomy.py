@@ -27,6 +27,11 @@ class Anatomy:
     """Name of the table of receptances or of the modes at the far end; empty where there is none. If there is no
     holder, it describes all that is behind the joint."""
 
+    @property
+    def in_spindle(self) -> bool:
+        """Whether the holder is in a spindle, so that it neither hangs nor is measured by itself."""
+        return bool(self.end)
+
 
 def anatomy_of(assembly: Assembly, identified: Iterable[str]) -> Anatomy:
     """Return the anatomy of an assembly, about the first joint with one of the identified addresses, or the first."""
