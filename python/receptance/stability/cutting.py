@@ -196,21 +196,21 @@ class Milling(Element):
         Parameters
         ----------
         start, end : ndarray
-            Angles of the lower end of the edge in rad, `(n,)`, ascending.
+            Angles of the lower end of the edge in rad, `(...)`, ascending.
         lag : ndarray or float, optional
-            Angle in rad by which the upper end of the edge lags behind the lower one, `(n,)`; the mean is over the edge
-            too.
+            Angle in rad by which the upper end of the edge lags behind the lower one, in a shape that broadcasts with
+            the others; the mean is over the edge too.
 
         Returns
         -------
         ndarray
-            `(n, 2, 2)` in N/m^2.
+            `(..., 2, 2)` in N/m^2.
         """
         turns = 2.0 * np.pi * np.floor(start / (2.0 * np.pi))
         low, high, lags = np.broadcast_arrays(start - turns, end - turns, np.asarray(lag, np.float64))
         mean = self._integral(high) - self._integral(low)
-        (twisted,) = np.nonzero(np.abs(lags) > _STRAIGHT)
-        if twisted.size:
+        twisted = np.abs(lags) > _STRAIGHT
+        if twisted.any():
             low, high, lags = low[twisted], high[twisted], lags[twisted]
             edge = self._double_integral(high) - self._double_integral(low)
             edge -= self._double_integral(high - lags) - self._double_integral(low - lags)

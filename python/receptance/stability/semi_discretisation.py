@@ -293,25 +293,24 @@ def _delays(cut: Milling, nodes: NDArray[np.float64], depth: float) -> _Delays:
     closing = twist - np.roll(twist, 1)
     nearest = behind + np.minimum(closing * depth, 0.0)
     if (nearest < _CLOSEST).any():
-        tooth = int(np.argmin(nearest))
-        at = 1e3 * (behind[tooth] - _CLOSEST) / -closing[tooth]
+        close = int(np.argmin(nearest))
+        at = 1e3 * (behind[close] - _CLOSEST) / -closing[close]
         raise ValueError(
-            f"semi-discretisation at a depth of {1e3 * depth:.3g} mm: edges {tooth or cut.teeth} and {tooth + 1} come "
+            f"semi-discretisation at a depth of {1e3 * depth:.3g} mm: edges {close or cut.teeth} and {close + 1} come "
             f"closer than {np.rad2deg(_CLOSEST):g} degrees {at:.3g} mm from the tip, expected smaller depths or other "
             "helix angles"
         )
     step = float(np.diff(nodes).max())
-    angles, forces = [], []
-    for tooth, start in enumerate(_angles(cut)):
-        count = max(1, int(np.ceil(abs(closing[tooth]) * depth / step - _SAME)))
-        for piece in range(count):
-            low, high = depth * piece / count, depth * (piece + 1) / count
-            first = start + nodes - twist[tooth] * low
-            force = cut.directional_mean(first[:-1], first[1:], np.array(twist[tooth] * (high - low)))
-            angles.append(behind[tooth] + closing[tooth] * 0.5 * (low + high))
-            forces.append(force / count)
-    order = np.argsort(angles, kind="stable")
-    angle, force = np.array(angles)[order], np.array(forces)[order]
+    counts = np.maximum(1, np.ceil(np.abs(closing) * depth / step - _SAME)).astype(np.intp)
+    tooth = np.repeat(np.arange(cut.teeth), counts)
+    share = 1.0 / counts[tooth]
+    low = depth * share * np.concatenate([np.arange(count) for count in counts])
+    start = (_angles(cut)[tooth] - twist[tooth] * low)[:, None] + nodes
+    lag = (twist[tooth] * depth * share)[:, None]
+    force = cut.directional_mean(start[:, :-1], start[:, 1:], lag) * share[:, None, None, None]
+    angle = behind[tooth] + closing[tooth] * (low + 0.5 * depth * share)
+    order = np.argsort(angle, kind="stable")
+    angle, force = angle[order], force[order]
     first = np.flatnonzero(np.diff(angle, prepend=-1.0) > _SAME * 2.0 * np.pi / cut.teeth)
     return _Delays(angle[first], np.add.reduceat(force, first))
 
