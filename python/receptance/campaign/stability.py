@@ -98,7 +98,7 @@ class Tips:
             remedies.append("a wider measurement, or wider `bands`")
         if any(not isinstance(source, _MeasuredTip) for source in self._sources):
             remedies.append("`lower` and `upper` under [prediction]")
-        return tuple(f"{text}: {' or '.join(remedies)}" for text in beyond_lines(self.lines, self._nominal))
+        return tuple(f"{text} ({' or '.join(remedies)})" for text in beyond_lines(self.lines, self._nominal))
 
     def _rotated(self, matrix: NDArray[np.complex128]) -> NDArray[np.complex128]:
         return rotated_receptance(matrix, self._rotation_deg) if self._rotation_deg else matrix
