@@ -82,31 +82,25 @@ class Tips:
 
     def receptance(self) -> NDArray[np.complex128]:
         """Return the receptance of the tip in m/N, `(n, d, d)` for d directions of the cut."""
-        return self._rotated(self._nominal)
+        return self._matrix(self._nominal)
 
     @cached_property
-    def _nominal(self) -> NDArray[np.complex128]:
-        """The same in the directions of the tips."""
-        return self._matrix(
-            [s.values() if isinstance(s, _MeasuredTip) else self._receptance_of(s.assembly) for s in self._sources]
-        )
+    def _nominal(self) -> list[NDArray[np.complex128]]:
+        """The receptance of each source."""
+        return [s.values() if isinstance(s, _MeasuredTip) else self._receptance_of(s.assembly) for s in self._sources]
 
-    def rejection(self) -> tuple[str, ...]:
-        """Return why the lines do not contain the mode of a tip, and what to do."""
-        remedies = []
-        if any(isinstance(source, _MeasuredTip) for source in self._sources):
-            remedies.append("a wider measurement, or wider `bands`")
-        if any(not isinstance(source, _MeasuredTip) for source in self._sources):
-            remedies.append("`lower` and `upper` under [prediction]")
-        return tuple(f"{text} ({' or '.join(remedies)})" for text in beyond_lines(self.lines, self._nominal))
-
-    def _rotated(self, matrix: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        return rotated_receptance(matrix, self._rotation_deg) if self._rotation_deg else matrix
+    def beyond_lines(self) -> tuple[str, ...]:
+        """Return for each direction of the tips that the lines do not contain its mode, and what to do."""
+        measured = [isinstance(source, _MeasuredTip) for source in self._sources]
+        remedies = ["a wider measurement, or wider `bands`"] if any(measured) else []
+        remedies += [] if all(measured) else ["`lower` and `upper` under [prediction]"]
+        texts = beyond_lines(self.lines, self._diagonal(self._nominal))
+        return tuple(f"{text} ({' or '.join(remedies)})" for text in texts)
 
     def receptances(self) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
         """Return valid draws of the receptance `(m, n, d, d)`, and a mask of the valid draws."""
         drawn, good = self._drawn(_MeasuredTip.drawn_values, self._receptance_of)
-        return self._rotated(self._matrix([np.array(values) for values in drawn])), good
+        return self._matrix([np.array(values) for values in drawn]), good
 
     def modes(self) -> TipModes:
         """Return the modes in x and y."""
@@ -153,6 +147,12 @@ class Tips:
         )
 
     def _matrix(self, values: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:
+        """Return the matrix in the directions of the cut."""
+        matrix = self._diagonal(values)
+        return rotated_receptance(matrix, self._rotation_deg) if self._rotation_deg else matrix
+
+    def _diagonal(self, values: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:
+        """Return the matrix in the directions of the tips."""
         size = len(self._directions)
         matrix = np.zeros((*values[0].shape, size, size), np.complex128)
         for i, source in enumerate(self._directions):
@@ -260,7 +260,7 @@ def _lobes(campaign: CampaignData, cut: CampaignCut, tips: Tips, speeds: NDArray
     several = cut.drawn(settings.number_of_draws, settings.seed)
     uncertain = tips.uncertain or several is not None
     receptance = tips.receptance()
-    if rejection := tips.rejection():
+    if rejection := tips.beyond_lines():
         lobes = without_limits(cut.cut, speeds, tuple(f"cuts.{cut.name}: {text}" for text in rejection))
         return replace(cut.label(lobes), notes=tuple(dict.fromkeys(tips.notes)))
     if settings.method == "mean force":
