@@ -214,6 +214,13 @@ def test_predicted_tips(tmp_path: Path) -> None:
     assert len(found.plot().axes) == 2
 
 
+def test_a_predicted_tip_outside_of_its_lines(tmp_path: Path) -> None:
+    narrow = PREDICTED.replace('upper = "4 kHz"', 'lower = "600 Hz"\nupper = "900 Hz"').partition("[cuts.boring]")[0]
+    (text,) = [one for one in load(tmp_path, changed(*DAMPED) + narrow).stability().rejection if "rises to" in one]
+    assert text.startswith("cuts.rough: the magnitude of the tip in x rises to the last of the lines, at 900 Hz")
+    assert text.endswith("(`lower` and `upper` under [prediction])")
+
+
 def test_draws_scatter_as_to_first_order(tmp_path: Path) -> None:
     """Sampled against linear: standard deviations of natural frequencies, and what two assemblies share."""
     known = ('"joint.k_y" = { lower = "1e7 N/m", upper = "1e10 N/m" }\n', "")
@@ -323,6 +330,8 @@ def test_lines_that_do_not_contain_the_mode_give_no_limit(
     write(tmp_path / "tip.csv", FRF(frequency_hz=lines, values=TIP.receptance(lines)[:, 0, 0]))
     found = load(tmp_path, MEASURED.replace("draws = 40", f'draws = 40\nmethod = "{method}"')).stability()
     assert words in found.rejection[0]
+    assert found.rejection[0].startswith("cuts.slot: ")
+    assert found.rejection[0].endswith("frequencies (a wider measurement, or wider `bands`)")
     lobes = found["slot"]
     assert np.isnan(lobes.depth).all()
     assert lobes.best_cuts == ()
