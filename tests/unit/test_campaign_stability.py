@@ -216,7 +216,7 @@ def test_predicted_tips(tmp_path: Path) -> None:
 
 def test_a_predicted_tip_outside_of_its_lines(tmp_path: Path) -> None:
     narrow = PREDICTED.replace('upper = "4 kHz"', 'lower = "600 Hz"\nupper = "900 Hz"').partition("[cuts.boring]")[0]
-    (text,) = [one for one in load(tmp_path, changed(*DAMPED) + narrow).stability().rejection if "rises to" in one]
+    text, _ = [one for one in load(tmp_path, changed(*DAMPED) + narrow).stability().rejection if "rises to" in one]
     assert text.startswith("cuts.rough: the magnitude of the tip in x rises to the last of the lines, at 900 Hz")
     assert text.endswith("(`lower` and `upper` under [prediction])")
 
