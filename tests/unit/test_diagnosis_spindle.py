@@ -17,6 +17,7 @@ from receptance.diagnosis.judgement import Judgement
 from receptance.diagnosis.model import UndecidableError
 from receptance.fit import Tolerance
 from receptance.fit.observation import altered
+from receptance.model.anatomy import anatomy_of
 from receptance.predict import Menu
 
 SPINDLE = ModalPart(
@@ -120,6 +121,22 @@ def test_the_menu_follows_from_the_anatomy() -> None:
     labels = [candidate.label for candidate in Menu(held.observations, held.unknowns, held.tolerances).candidates()]
     assert "gauge blank in the spindle" in labels
     assert not [label for label in labels if label.startswith("holder alone")]
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (["tool", "joint", "holder", "spindle"], True),
+        (["tool", "spindle"], True),
+        (["tool", "joint", "spindle"], False),
+        (["tool", "joint", "holder"], False),
+    ],
+)
+def test_what_is_in_a_spindle(names: list[str], expected: bool) -> None:
+    """Data right behind the joint may be those of a holder that hangs free."""
+    elements = machine(0.07, SPINDLE).elements
+    chain = [replace(elements[name], name=name) for name in names]
+    assert anatomy_of(Assembly(chain), ["joint.k_y"]).in_spindle is expected
 
 
 def test_unexplained_data_of_a_machine_are_settled_in_the_spindle() -> None:

@@ -29,8 +29,11 @@ class Anatomy:
 
     @property
     def in_spindle(self) -> bool:
-        """Whether the holder is in a spindle, so that it neither hangs nor is measured by itself."""
-        return bool(self.end)
+        """Whether the holder is in a spindle, so that it neither hangs nor is measured by itself.
+
+        Modes or a table right behind the joint may be those of a holder that hangs free.
+        """
+        return bool(self.end) and bool(self.holder or not self.joint)
 
 
 def anatomy_of(assembly: Assembly, identified: Iterable[str]) -> Anatomy:
