@@ -180,8 +180,8 @@ class Measurements(_AboutCause):
         if not own:
             return (
                 "The menu of `diagnose` has no measurement for this cause alone. It simulates FRFs at another place, "
-                "overhang or force, the parts alone, and a blank in the spindle, and advises the one that separates the "
-                "explanations."
+                "overhang or force, the parts alone, and a blank in the spindle, and advises the one that separates "
+                "the explanations."
             )
         rows = ["In the menu of `diagnose`, with its effort in hits on the machine:", ""]
         only = {None: "", True: "; for a holder in a spindle", False: "; not for a holder in a spindle"}
