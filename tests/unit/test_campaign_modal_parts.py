@@ -97,7 +97,7 @@ standard_deviation = "1 %"
 [cuts.roughing]
 kind = "milling"
 teeth = 4
-immersion = 0.5
+radial_depth = 0.5
 feed = "down"
 k_t = "800 MPa"
 k_n = "250 MPa"
