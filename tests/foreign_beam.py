@@ -94,7 +94,7 @@ def measured(
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
     """Return the H1 estimate and the coherence of hits with noise in the response.
 
-    `noise` is relative to the FRF; `floor`, of the same unit as the FRF, is by default `FLOOR` of its largest magnitude.
+    `noise` is relative to the FRF; `floor`, in the unit of the FRF, is by default `FLOOR` of its largest one.
     """
     constant = FLOOR * np.abs(exact).max() if floor is None else floor
     scatter = np.sqrt((noise * np.abs(exact)) ** 2 + constant**2)
