@@ -16,6 +16,8 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
+from blind.score import Line
+
 Row = dict[str, Any]
 Work = Callable[..., Row]
 
@@ -107,6 +109,14 @@ def run(work: Work, cases: Sequence[Row], *, jobs: int, limit: float) -> Iterato
     finally:
         for _, process, _ in running.values():
             process.kill()
+
+
+def share(name: str, hits: Sequence[object], trials: Sequence[object], target: str = "") -> str:
+    """Return a line of a table: hits of trials, with the exact 95 % interval of the share."""
+    line = Line(name, len(hits), len(trials))
+    low, high = line.interval
+    text = f"{name:<38} {line.hits:3d} of {line.trials:3d} = {100.0 * line.hits / max(line.trials, 1):3.0f} %"
+    return f"{text} ({100.0 * low:.0f} to {100.0 * high:.0f})  {target}".rstrip()
 
 
 def _child(work: Work, case: Row, sender: Connection) -> None:

@@ -12,19 +12,18 @@ import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from machines.batch import Row, append_row, indices, read_rows, run, seed_of
-from machines.generator import Machine, draw_machine, spindle_modes, write
+from machines.batch import Row, append_row, indices, read_rows, run, seed_of, share
+from machines.generator import Machine, draw_machine, real_modes, spindle_modes, write
 
+Bounded = dict[str, tuple[float, float, float]]
+"""Lower bound, start and upper bound of unknowns by address."""
 SAME = 1e-3
 """Relative difference of the cost up to which an optimum is the best known one."""
 BUDGET = 4000
 """Evaluations of a fit from near the truth."""
-NEAR = 0.03
-"""Standard deviation of the logarithms of starts near the truth; that of frequencies is a third of it."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -135,32 +134,37 @@ def _identified(machine: Machine, path: Path, threads: int) -> Row:
 def starts_near_truth(
     machine: Machine, modes: int, rng: np.random.Generator | None
 ) -> dict[str, tuple[float, float, float]]:
-    """Return bounds and starts of joint and modes from the truth, or near it if there is a generator."""
+    """Return bounds and starts of joint and modes from the truth.
+
+    The shapes of the spindle are complex, and those of the start are real: of the undamped modes, or, with a generator,
+    of modes fitted to the true spindle.
+    """
     p = machine.truth[0]
     lines = machine.records[0].frequency_hz
-    rows, rest = spindle_modes(p, modes)
+    rows, rest = spindle_modes(p, modes) if rng is None else real_modes(p, modes, lines, rng)
+    lowest, highest = 0.25 * lines[0], 4.0 * lines[-1]
     length = sum(p[name] for name in p if name.startswith("holder.") and name.endswith(".length"))
-
-    def near(value: float, share: float = 1.0) -> float:
-        return value if rng is None else value * float(np.exp(NEAR * share * rng.standard_normal()))
-
     bounds = {"k_y": (1e7, 1e10), "k_theta": (1e3, 1e6), "c_y": (1.0, 1e5), "c_theta": (1e-4, 10.0)}
-    found = {f"joint.{name}": (low, near(p[f"joint.{name}"]), high) for name, (low, high) in bounds.items()}
-    reach = 10.0 * float(rows[:, 2].max())
+    found = {f"joint.{name}": (low, p[f"joint.{name}"], high) for name, (low, high) in bounds.items()}
+    reach = 10.0 * float(np.abs(rows[:, 2]).max())
     slope = max(5.0 * reach / length, 2.0 * float(np.abs(rows[:, 3]).max()))
     compliance = float(np.sum((rows[:, 2] / (2.0 * np.pi * rows[:, 0])) ** 2))
     for number, (frequency, damping, y, theta) in enumerate(rows.tolist()):
         first = f"spindle.mode[{number}]"
         found |= {
-            f"{first}.frequency_hz": (0.25 * lines[0], near(frequency, 1 / 3), max(4.0 * lines[-1], 1.5 * frequency)),
-            f"{first}.damping_ratio": (1e-3, near(damping), max(0.3, 2.0 * damping)),
-            f"{first}.y": (-reach, near(y), reach),
-            f"{first}.theta": (-slope, near(theta), slope),
+            f"{first}.frequency_hz": (
+                min(0.25 * lines[0], 0.5 * frequency),
+                frequency,
+                max(4.0 * lines[-1], 1.5 * frequency),
+            ),
+            f"{first}.damping_ratio": (min(1e-3, 0.5 * damping), damping, max(0.3, 2.0 * damping)),
+            f"{first}.y": (-reach, y, reach),
+            f"{first}.theta": (-slope, theta, slope),
         }
     units = {"residual_y": 1.0, "residual_theta": 1.0 / length**2, "residual_ytheta": 1.0 / length}
     for (name, unit), value in zip(units.items(), rest.tolist(), strict=True):
         limit = max(10.0 * compliance * unit, 2.0 * abs(value))
-        found[f"spindle.{name}"] = (-limit, near(value), limit)
+        found[f"spindle.{name}"] = (-limit, value, limit)
     return found
 
 
@@ -174,27 +178,22 @@ def _line(row: Row, best: float) -> str:
     if "failure" in row:
         return f"{row['index']:7d}  {row['failure'][:70]}"
     best = min(best, row["cost"])
-    address = "joint.k_theta"
+    ratio, width, inside = (row[key]["joint.k_theta"] for key in ("ratio", "width", "inside"))
     return (
-        f"{row['index']:7d} {row['cost']:11.2f} {best:11.2f} {row['rms']:5.2f}  {'yes' if row['converged'] else 'no':<5}"
-        f" {row['seconds']:5.0f} {row['megabytes']:5.0f} {row['ratio'][address]:8.4f} {100.0 * row['width'][address]:5.1f}%"
-        f"  {'yes' if row['inside'][address] else 'no'}"
+        f"{row['index']:7d} {row['cost']:11.2f} {best:11.2f} {row['rms']:5.2f}  {_yes(row['converged']):<5}"
+        f" {row['seconds']:5.0f} {row['megabytes']:5.0f} {ratio:8.4f} {100.0 * width:5.1f}%  {_yes(inside)}"
     )
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "no"
 
 
 def totals(rows: Sequence[Row], best: dict[int, float]) -> list[str]:
     """Return the totals of a batch."""
-    from blind.score import Line
-
     ended = [row for row in rows if "failure" not in row]
     reached = [row for row in ended if row["cost"] <= (1.0 + SAME) * best.get(row["index"], np.inf)]
     inside = {name: [row for row in ended if row["inside"][f"joint.{name}"]] for name in ("k_theta", "k_y")}
-
-    def share(name: str, hits: Sequence[Any], trials: Sequence[Any], target: str = "") -> str:
-        line = Line(name, len(hits), len(trials), target)
-        low, high = line.interval
-        percent = 100.0 * line.hits / max(line.trials, 1)
-        return f"{name:<32} {line.hits:3d} of {line.trials:3d} = {percent:5.1f} % ({100 * low:.0f} to {100 * high:.0f})  {target}"
 
     lines = [
         share("optimum within 0.1 % of the best", reached, rows, ">= 95 %"),

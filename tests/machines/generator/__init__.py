@@ -2,6 +2,7 @@
 
 from .campaign import write
 from .machine import Machine, Record, draw_machine
-from .structure import Place, spindle_modes
+from .spindle import real_modes, spindle_modes
+from .structure import Place
 
-__all__ = ["Machine", "Place", "Record", "draw_machine", "spindle_modes", "write"]
+__all__ = ["Machine", "Place", "Record", "draw_machine", "real_modes", "spindle_modes", "write"]

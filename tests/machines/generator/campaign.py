@@ -34,9 +34,14 @@ Starts = Mapping[str, tuple[float, float, float]]
 
 
 def write(
-    machine: Machine, folder: Path, *, modes: int, starts: Starts | None = None, settings: Mapping[str, object] | None = None,
+    machine: Machine,
+    folder: Path,
+    *,
+    modes: int,
+    starts: Starts | None = None,
+    settings: Mapping[str, object] | None = None,
     name: str = "campaign.toml",
-) -> Path:  # fmt: skip
+) -> Path:
     """Write the records and the campaign into a folder, and return the campaign's path.
 
     Parameters
@@ -48,7 +53,7 @@ def write(
     modes : int
         Number of unknown modes of the spindle.
     starts : mapping, optional
-        Bounds and starts of unknowns; by default those of the joint have bounds alone, and the program chooses the rest.
+        Bounds and starts of unknowns; by default the joint has bounds, and the program chooses the rest.
     settings : mapping, optional
         Settings of the fit.
     name : str, optional

@@ -129,27 +129,3 @@ def poles(p: Numbers, response: Place, hits: Sequence[Place]) -> Poles:
         s.mass(stations[response], p["sensor.mass"])
     unit = np.eye(s.size)
     return s.poles(unit[:, [2 * stations[hit] for hit in hits]], unit[:, [2 * stations[response]]], MODES)
-
-
-def spindle_modes(p: Numbers, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return the modes of the spindle alone as a holder sees them, in the order of their frequencies.
-
-    The rows are natural frequency in Hz, damping ratio, and y and theta of the mass-normalised shape at the plane; y is
-    positive. The damping is that of the undamped shapes. The second array is the static receptance of all further modes:
-    y over force, theta over moment, y over moment.
-    """
-    s = Structure()
-    plane = s.station()
-    # The plane has no mass of its own: a thin disc, which is negligible, keeps the mass matrix definite.
-    s.mass(plane, 1e-5, 1e-9)
-    add_spindle(s, plane, p)
-    _, _, damping = s.matrices()
-    squares, shapes, ratios = s.modes()
-    w = np.sqrt(squares)
-    ratios = ratios + 0.5 * np.einsum("ij,ik,kj->j", shapes, damping, shapes) / w
-    y, theta = shapes[2 * plane], shapes[2 * plane + 1]
-    turned = np.where(y < 0.0, -1.0, 1.0)
-    rows = np.column_stack([w / (2.0 * np.pi), ratios, turned * y, turned * theta])
-    rest = slice(count, None)
-    static = [y[rest] @ (y[rest] / squares[rest]), theta[rest] @ (theta[rest] / squares[rest])]
-    return rows[:count], np.array([*static, y[rest] @ (theta[rest] / squares[rest])])
