@@ -131,9 +131,7 @@ def _identified(machine: Machine, path: Path, threads: int) -> Row:
     }
 
 
-def starts_near_truth(
-    machine: Machine, modes: int, rng: np.random.Generator | None
-) -> dict[str, tuple[float, float, float]]:
+def starts_near_truth(machine: Machine, modes: int, rng: np.random.Generator | None) -> Bounded:
     """Return bounds and starts of joint and modes from the truth.
 
     The shapes of the spindle are complex, and those of the start are real: of the undamped modes, or, with a generator,
@@ -152,11 +150,7 @@ def starts_near_truth(
     for number, (frequency, damping, y, theta) in enumerate(rows.tolist()):
         first = f"spindle.mode[{number}]"
         found |= {
-            f"{first}.frequency_hz": (
-                min(0.25 * lines[0], 0.5 * frequency),
-                frequency,
-                max(4.0 * lines[-1], 1.5 * frequency),
-            ),
+            f"{first}.frequency_hz": (min(lowest, 0.5 * frequency), frequency, max(highest, 1.5 * frequency)),
             f"{first}.damping_ratio": (min(1e-3, 0.5 * damping), damping, max(0.3, 2.0 * damping)),
             f"{first}.y": (-reach, y, reach),
             f"{first}.theta": (-slope, theta, slope),
