@@ -1,8 +1,10 @@
-"""The laboratory of machines with an unknown spindle: `python benches/machines.py converge [--seed S] [--cases N]
+"""The laboratory of machines with an unknown spindle: `python benches/machines.py COMMAND [--seed S] [--cases N]
 [--jobs N] [--limit S] [--resume FILE]`.
 
 `converge` identifies joint and spindle of random machines of finite elements and compares each optimum with the best
 known one. `--best FILE` keeps the costs of fits from near the truth, which take longest, for the next run.
+
+`depths` recommends depths of cut from descriptions as users make them and compares them with the true limits.
 
 A case that fails or exceeds its limit counts as failed. A case is drawn from the seed and its number, so a resumed run
 gives the same cases. `tests/machines` has the laboratory. Times are of one case while the others run.
@@ -22,9 +24,9 @@ from pathlib import Path
 # The laboratory is under tests.
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
-from machines import batch, converge
+from machines import batch, converge, depths
 
-COMMANDS = {"converge": (converge, 50, 300.0)}
+COMMANDS = {"converge": (converge, 50, 300.0), "depths": (depths, 300, 300.0)}
 """Each command with its default number of cases and its time limit in s."""
 
 

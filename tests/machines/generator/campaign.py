@@ -16,6 +16,7 @@ BOUNDS = {
     "joint.c_y": ("1 N s/m", "1e5 N s/m"),
     "joint.c_theta": ("1e-4 N m s/rad", "10 N m s/rad"),
 }
+SPEEDS_RPM = (4000.0, 20000.0)
 _UNITS = {
     "k_y": "N/m",
     "k_theta": "N m/rad",
@@ -63,7 +64,7 @@ def write(
         path = folder / f"{record.name}.csv"
         if not path.exists():
             path.write_text(_table(record), encoding="utf-8")
-    text = [*_parts(machine), *_measurements(machine, modes)]
+    text = [*_parts(machine), *_measurements(machine, modes), *_cuts(machine)]
     if settings:
         text += ["[settings]", *(f"{key} = {_toml(value)}" for key, value in settings.items())]
     path = folder / name
@@ -100,9 +101,18 @@ def _parts(machine: Machine) -> list[str]:
             f'tolerance = {{ youngs_modulus = "{1e-9 * sd[f"{kind}.modulus"]:g} GPa", '
             f'density = "{sd[f"{kind}.density"]:g} kg/m^3" }}',
         ]
+    flutes = p.get("flute.length", 0.0)
+    if flutes:
+        text += [
+            "[[parts.tool.segments]]",
+            f"length = {_mm(flutes)}",
+            f"outer_diameter = {_mm(p['flute.diameter'])}",
+            'material = "carbide"',
+            f"tolerance = {{ length = {_mm(sd['flute.length'])}, outer_diameter = {_mm(sd['flute.diameter'])} }}",
+        ]
     text += [
         "[[parts.tool.segments]]",
-        f"length = {_mm(machine.overhangs[0])}",
+        f"length = {_mm(machine.overhangs[0] - flutes)}",
         f"outer_diameter = {_mm(p['tool.diameter'])}",
         'material = "carbide"',
         f"tolerance = {{ length = {_mm(machine.overhang_deviation)}, outer_diameter = {_mm(sd['tool.diameter'])} }}",
@@ -133,11 +143,13 @@ def _measurements(machine: Machine, modes: int) -> list[str]:
     """Return joint, spindle, sensor, assemblies and measurements."""
     text = ["[joints.joint]", "[modal_parts.spindle]", "identify = true", f"modes = {modes}"]
     text += ["[sensors.light]", f'mass = "{1e3 * machine.numbers["sensor.mass"]:g} g"']
+    flutes = machine.numbers.get("flute.length", 0.0)
+    shank = 1 if flutes else 0
     for number, overhang in enumerate(machine.overhangs):
         text += [
             f"[assemblies.o{number}]",
             'chain = ["tool", "joint", "holder", "spindle"]',
-            f'set = {{ "tool.segment[0].length" = {_mm(overhang)} }}',
+            f'set = {{ "tool.segment[{shank}].length" = {_mm(overhang - flutes)} }}',
             f"conditions = {{ overhang = {_mm(overhang)} }}",
         ]
     for record in machine.records:
@@ -151,6 +163,23 @@ def _measurements(machine: Machine, modes: int) -> list[str]:
             'sensor = "light"',
             f"response = {_place(record.response)}",
             f"excitation = {_place(record.hit)}",
+        ]
+    return text
+
+
+def _cuts(machine: Machine) -> list[str]:
+    """Return the cuts, of both directions alike."""
+    text = ["[stability]", f'speeds = ["{SPEEDS_RPM[0]:g} rpm", "{SPEEDS_RPM[1]:g} rpm"]'] if machine.cuts else []
+    for overhang, cut in machine.cuts:
+        text += [
+            f"[cuts.c{overhang}]",
+            'kind = "milling"',
+            f"teeth = {cut.teeth}",
+            f'k_t = "{1e-6 * cut.k_t:g} MPa"',
+            f'k_n = "{1e-6 * cut.k_n:g} MPa"',
+            f"immersion = {cut.immersion:g}",
+            f'feed = "{cut.feed}"',
+            f'x = {{ assembly = "o{overhang}" }}',
         ]
     return text
 

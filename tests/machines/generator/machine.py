@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 
 from foreign_beam import measured
 
+from .lobes import Cut
 from .structure import Numbers, Place, receptances, section_count
 
 HITS_REPEAT, FLOOR = 0.01, 0.005
 """Scatter of one hit relative to the FRF and to its median, and errors other than noise, both of which are stated."""
 STEP_HZ = 4.0
+SECTION = ("length", "small", "large", "inner", "core")
+"""Numbers of a section of the holder: a cone, or a cylinder where both diameters are the same."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,18 +43,33 @@ class Machine:
     deviations: Mapping[str, float]
     """Standard deviations of these numbers in their units."""
     overhangs: tuple[float, ...]
+    """The first two are measured."""
     overhang_deviation: float
     records: tuple[Record, ...]
     truth: tuple[Numbers, ...]
     """True numbers of each overhang; for scoring alone."""
+    cuts: tuple[tuple[int, Cut], ...] = ()
+    """Milling cuts, each with the number of the overhang of its tool."""
 
 
-def draw_machine(seed: int) -> Machine:
-    """Return a random machine with twelve records."""
+def draw_machine(seed: int, *, end_mill: bool = False) -> Machine:
+    """Return a random machine with twelve records.
+
+    By default its tool is a blank, and the description is right within its deviations. An end mill is described as
+    users do, with flutes as a cylinder of 80 % of the diameter and the cone of the holder as two cylinders; it has a
+    third overhang, which is not measured, and cuts.
+    """
     rng = np.random.default_rng([seed, 37])
     stated = _stated(rng)
     diameter = stated["tool.diameter"]
     overhangs = tuple(round(float(x) * diameter, 4) for x in (rng.uniform(3.5, 4.3), rng.uniform(4.8, 5.6)))
+    described, cuts = stated, ()
+    if end_mill:
+        mill = np.random.default_rng([seed, 38])
+        stated = {**stated, **_flutes(mill, diameter)}
+        described = _as_users(stated)
+        overhangs = (*overhangs, round(float(mill.uniform(*overhangs)), 4))
+        cuts = tuple((number, _cut(mill)) for number in (int(mill.integers(2)), 2))
     deviations = _deviations(stated)
     hidden = {**_joint(rng, diameter), **_spindle(rng)}
     common = {**stated, **hidden}
@@ -66,7 +84,7 @@ def draw_machine(seed: int) -> Machine:
     length = sum(stated[f"holder.{i}.length"] for i in range(section_count(stated)))
     nose, body = 0.004, round(float(rng.uniform(0.45, 0.6)) * length, 4)
     records = []
-    for number, p in enumerate(truth):
+    for number, p in enumerate(truth[:2]):
         tip, middle = ("tool", 0.0), ("tool", round(0.5 * overhangs[number], 4))
         places = {"tip": tip, "mid": middle, "nose": ("holder", nose), "body": ("holder", body)}
         for seen, hits in (("tip", ("tip", "mid", "nose", "body")), ("nose", ("tip", "nose"))):
@@ -86,12 +104,13 @@ def draw_machine(seed: int) -> Machine:
                 )
     return Machine(
         seed=seed,
-        numbers=stated,
-        deviations=deviations,
+        numbers=described,
+        deviations=_deviations(described),
         overhangs=overhangs,
         overhang_deviation=error,
         records=tuple(records),
         truth=truth,
+        cuts=cuts,
     )
 
 
@@ -135,9 +154,54 @@ def _stated(rng: np.random.Generator) -> dict[str, float]:
     return p
 
 
+def _flutes(rng: np.random.Generator, diameter: float) -> dict[str, float]:
+    """Return flutes, whose area and second moment are relative to those of the shank."""
+    area = float(rng.uniform(0.54, 0.66))
+    # No section has less than the square of its area.
+    second = area**2 * float(rng.uniform(1.05, 1.35))
+    return {
+        "flute.length": round(float(rng.uniform(1.4, 2.4)) * diameter, 3),
+        "flute.area": area,
+        "flute.second": second,
+    }
+
+
+def _as_users(p: Mapping[str, float]) -> dict[str, float]:
+    """Return the description of an end mill in its holder as users write it."""
+    found = {name: value for name, value in p.items() if not name.startswith(("holder.", "flute."))}
+    found |= {name: p[name] for name in p if name.startswith("holder.") and name.count(".") == 1}
+    found |= {"flute.length": p["flute.length"], "flute.diameter": 0.8 * p["tool.diameter"]}
+    sections = [{key: p[f"holder.{i}.{key}"] for key in SECTION} for i in range(section_count(p))]
+    pieces = [section for section in sections if section["core"]]
+    small, large = pieces[0]["small"], pieces[-1]["large"]
+    length = sum(piece["length"] for piece in pieces)
+    halves = [
+        {**pieces[0], "length": 0.5 * length, "small": d, "large": d}
+        for d in (0.75 * small + 0.25 * large, 0.25 * small + 0.75 * large)
+    ]
+    for i, section in enumerate([*halves, *sections[len(pieces) :]]):
+        found |= {f"holder.{i}.{key}": value for key, value in section.items()}
+    return found
+
+
+def _cut(rng: np.random.Generator) -> Cut:
+    k_t = 1e6 * float(rng.choice([700.0, 900.0, 1500.0, 2000.0]))
+    return Cut(
+        teeth=int(rng.integers(2, 5)),
+        k_t=k_t,
+        k_n=k_t * round(float(rng.uniform(0.2, 0.4)), 2),
+        immersion=float(rng.choice([0.25, 0.5, 1.0])),
+        feed=str(rng.choice(["down", "up"])),
+    )
+
+
 def _deviations(p: Mapping[str, float]) -> dict[str, float]:
     """Return the standard deviations of dimensions and materials that are stated with them."""
     found = {"tool.diameter": 5e-6}
+    if "flute.length" in p:
+        found["flute.length"] = 5e-4
+    if "flute.diameter" in p:
+        found["flute.diameter"] = 0.01 * p["flute.diameter"]
     for kind in ("tool", "holder"):
         found |= {f"{kind}.modulus": 0.005 * p[f"{kind}.modulus"], f"{kind}.density": 0.003 * p[f"{kind}.density"]}
     for i in range(section_count(p)):
