@@ -25,6 +25,9 @@ from receptance.report import Column, Provenance, Results, Table
 from receptance.report.table import Cell
 from receptance.units import split
 
+_TOLERANCE_OF_MODES = 1e-6
+"""Relative change at which a fit of unknown modes has converged: along its flat valleys the cost falls for long by
+amounts that are small beside 1."""
 _MODE_OF = re.compile(r"mode\[(\d+)\]")
 
 
@@ -107,7 +110,7 @@ def fit_options(
     unknowns: Sequence[Unknown],
     tolerances: Sequence[Tolerance],
 ) -> tuple[bool, list[Unknown], list[Tolerance], dict[str, Any]]:
-    """Return whether the levels of a series are fitted separately first, unknowns and errors with starts, and options."""
+    """Return whether levels of a series are fitted separately first, unknowns and errors with starts, and options."""
     settings = campaign.table.settings
     by_level = campaign.table.series is not None and any(
         isinstance(unknown, Law) and unknown.free for unknown in unknowns
@@ -127,6 +130,7 @@ def fit_options(
             "starts": 1 if by_level or by_mode else settings.starts,
             # The one start by modes has the evaluations of all starts.
             "max_evaluations": settings.max_evaluations * (settings.starts if by_mode else 1),
+            **({"tolerance": _TOLERANCE_OF_MODES} if by_mode else {}),
             "threads": campaign.threads,
             "strategy": "direct" if by_level or by_mode else settings.strategy,
         },

@@ -40,6 +40,8 @@ _EVALUATIONS = 80
 """Largest number of evaluations of each of these fits."""
 _TOLERANCE = 1e-5
 """Relative change at which they have converged."""
+_NO_DAMPING = 1e-9
+"""Damping ratio of modes without damping."""
 _DEPENDENT = 1e-8
 """Singular values of candidates below this share of the largest are not used."""
 
@@ -55,9 +57,16 @@ def around_solution(equations: Equations, entries: NDArray[np.complex128]) -> Ca
     h, slope = equations.evaluate(entries)
     with np.errstate(all="ignore"):
         columns = slope / (h * equations.deviation)[..., None]
-    solved = np.isfinite(columns).all(axis=(1, 2))
-    root = np.linalg.qr(np.where(solved[:, None, None], columns, 0.0), mode="r")
-    return lambda other: (np.einsum("nij,nj->ni", root, np.where(solved[:, None], other - entries, 0.0)), root)
+    unsolved = ~np.isfinite(columns).all(axis=(1, 2))
+    columns[unsolved] = 0.0
+    root = np.asarray(np.linalg.qr(columns)[1], dtype=np.complex128)
+
+    def rows(other: NDArray[np.complex128]) -> Rows:
+        change = other - entries
+        change[unsolved] = 0.0
+        return np.einsum("nij,nj->ni", root, change), root
+
+    return rows
 
 
 def of_records(equations: Equations) -> Callable[[NDArray[np.complex128]], Rows]:
@@ -71,7 +80,7 @@ def of_records(equations: Equations) -> Callable[[NDArray[np.complex128]], Rows]
     return rows
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ModeGrowth:
     """Modes and residuals of a spindle within their bounds."""
 
@@ -81,21 +90,32 @@ class ModeGrowth:
     """Residuals of the spindle's entries."""
     bounds: NDArray[np.float64]
     """`(m, 6, 2)` bounds of the numbers of each mode; equal where a number is known."""
+    above: NDArray[np.float64]
+    """`(m, 6, 2)` bounds of a mode with a natural frequency above the lines. The data do not show its width, and
+    several modes with complex shapes there can imitate each other."""
     residual_bounds: NDArray[np.float64]
     """`(3, 2)` bounds of the residuals."""
 
-    def grown(self, residuals: Sequence[float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the modes `(m, 6)` and the residuals `(3,)`, in SI units with frequencies in Hz, from given residuals."""
-        x = np.array(residuals, dtype=np.float64) / self._entry_scale
-        x = self._fitted(x, 0)[1]
-        for count in range(1, len(self.bounds) + 1):
-            starts = [self._with_mode(x, count - 1, mode) for mode in self._candidates(x, count - 1)]
-            if not starts:
-                starts = [self._with_mode(x, count - 1, self._absent(count - 1))]
-            x = min((self._fitted(start, count) for start in starts), key=lambda end: end[0])[1]
-        modes, rest = self._split(x, len(self.bounds))
-        modes = np.clip(self._unscaled(modes), self.bounds[..., 0], self.bounds[..., 1])
-        return modes, np.clip(rest * self._entry_scale, *self.residual_bounds.T)
+    def grown(self, residuals: Sequence[float]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the modes `(m, 6)`, their bounds and the residuals `(3,)`, in SI units with frequencies in Hz.
+
+        Parameters
+        ----------
+        residuals : sequence of float
+            Start of the residuals.
+        """
+        limits = np.empty((0, 6, 2))
+        _, x = self._fitted(np.array(residuals, dtype=np.float64) / self._entry_scale, limits)
+        for index in range(len(self.bounds)):
+            ends = []
+            for mode in self._candidates(x, index) or [self._absent(index)]:
+                is_above = mode[0] > self.above[index, 0, 0]
+                trial = np.concatenate([limits, (self.above if is_above else self.bounds)[index : index + 1]])
+                ends.append((*self._fitted(self._with_mode(x, mode), trial), trial))
+            _, x, limits = min(ends, key=lambda end: end[0])
+        modes, rest = self._split(x)
+        modes = np.clip(self._unscaled(modes), limits[..., 0], limits[..., 1])
+        return modes, limits, np.clip(rest * self._entry_scale, *self.residual_bounds.T)
 
     @cached_property
     def _middle(self) -> float:
@@ -106,7 +126,7 @@ class ModeGrowth:
     @cached_property
     def _shape_scale(self) -> NDArray[np.float64]:
         """Sizes of y and theta, `(2,)`."""
-        return np.abs(self.bounds[:, [_Y, _THETA]]).max(axis=(0, 2)) / 10.0
+        return np.asarray(np.abs(self.bounds[:, [_Y, _THETA]]).max(axis=(0, 2)) / 10.0)
 
     @cached_property
     def _entry_scale(self) -> NDArray[np.float64]:
@@ -116,47 +136,39 @@ class ModeGrowth:
 
     def _scaled(self, modes: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the fitted variables of numbers `(..., 6)`: logarithms of frequency and damping, scaled shapes."""
-        return np.concatenate([np.log(modes[..., :2]), modes[..., 2:] / np.tile(self._shape_scale, 2)], axis=-1)
+        positive = np.maximum(modes[..., :2], _NO_DAMPING)
+        return np.concatenate([np.log(positive), modes[..., 2:] / np.tile(self._shape_scale, 2)], axis=-1)
 
     def _unscaled(self, variables: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.concatenate([np.exp(variables[..., :2]), variables[..., 2:] * np.tile(self._shape_scale, 2)], axis=-1)
 
-    def _split(self, x: NDArray[np.float64], count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the variables of modes `(count, 6)` and residuals `(3,)`."""
-        return x[: 6 * count].reshape(count, 6), x[6 * count :]
+    def _split(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the variables of modes `(k, 6)` and residuals `(3,)`."""
+        return x[:-3].reshape(-1, 6), x[-3:]
 
-    def _with_mode(self, x: NDArray[np.float64], count: int, mode: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the variables with a further mode, which has the numbers `mode`, after `count` modes."""
-        low, high = self._scaled(self.bounds[count].T)
-        return np.concatenate([x[: 6 * count], np.clip(self._scaled(mode), low, high), x[6 * count :]])
+    def _with_mode(self, x: NDArray[np.float64], mode: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the variables with a further mode, which has the numbers `mode`."""
+        return np.concatenate([x[:-3], self._scaled(mode), x[-3:]])
 
     def _absent(self, index: int) -> NDArray[np.float64]:
         """Return the numbers of a mode without effect, or as near to it as its bounds allow."""
         low, high = self.bounds[index].T
-        middle = np.sqrt(low[:2] * high[:2])
-        return np.concatenate([middle, np.clip(0.0, low[2:], high[2:])])
+        return np.concatenate([np.sqrt(low[:2] * high[:2]), np.clip(0.0, low[2:], high[2:])])
 
-    def _limits(self, count: int) -> NDArray[np.float64]:
-        """Return the bounds of the variables of `count` modes and the residuals, `(2, 6 count + 3)`."""
-        sides = [self._scaled(self.bounds[:count, :, side]).reshape(-1) for side in (0, 1)]
+    def _fitted(self, x: NDArray[np.float64], bounds: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        """Return the cost and the variables at the end of a fit of modes within their bounds `(k, 6, 2)`."""
+        sides = [self._scaled(bounds[..., side]).reshape(-1) for side in (0, 1)]
         rest = (self.residual_bounds / self._entry_scale[:, None]).T
-        return np.ascontiguousarray([np.append(side, own) for side, own in zip(sides, rest, strict=True)])
-
-    def _fitted(self, x: NDArray[np.float64], count: int) -> tuple[float, NDArray[np.float64]]:
-        """Return the cost and the variables at the end of a fit."""
-        limits = self._limits(count)
+        limits = np.ascontiguousarray([np.append(side, own) for side, own in zip(sides, rest, strict=True)])
         core = _core.Problem(np.zeros(x.size, dtype=np.bool_), limits, np.zeros((0, 3)), _checks.thread_count(1))
-        core.add_function(lambda at: self._evaluate(at, count))
-        free = limits[0] < limits[1]
+        core.add_function(self._evaluate)
         start = np.ascontiguousarray(np.clip(x, *limits)[None])
-        ends = core.fit(start, free, np.array([_EVALUATIONS]), _TOLERANCE)
+        ends = core.fit(start, limits[0] < limits[1], np.array([_EVALUATIONS]), _TOLERANCE)
         return float(ends.cost[0]), np.asarray(ends.x[0])
 
-    def _evaluate(
-        self, x: NDArray[np.float64], count: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    def _evaluate(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """Return residuals and derivatives by the variables, real parts first; None where there is no value."""
-        modes, rest = self._split(x, count)
+        modes, rest = self._split(x)
         entries, slopes = self._entries(modes)
         with np.errstate(all="ignore"):
             residual, by_entry = self.rows(entries + rest * self._entry_scale)
@@ -199,20 +211,20 @@ class ModeGrowth:
             result[..., column] = pair(slope)
         return pair(products * gain).sum(axis=2), result.reshape(s.size, 3, 6 * count)
 
-    def _candidates(self, x: NDArray[np.float64], count: int) -> list[NDArray[np.float64]]:
+    def _candidates(self, x: NDArray[np.float64], index: int) -> list[NDArray[np.float64]]:
         """Return the numbers of further modes that reduce the residuals most to first order."""
-        rows = self._evaluate(x, count)
+        rows = self._evaluate(x)
         if rows is None:
             return []
         residual, jacobian = rows
         moving = jacobian[:, np.linalg.norm(jacobian, axis=0) > 0.0]
         basis, _ = np.linalg.qr(moving / np.linalg.norm(moving, axis=0))
         residual = residual - basis @ (basis.T @ residual)
-        modes, rest = self._split(x, count)
+        modes, rest = self._split(x)
         _, by_entry = self.rows(self._entries(modes)[0] + rest * self._entry_scale)
         scaled = by_entry * self._entry_scale
         lines = self.lines_hz.real
-        (low, high), (least, most) = self.bounds[count, :2]
+        (low, high), (least, most) = self.bounds[index, :2]
         low, high = max(low, lines[lines > 0.0][0] / _BESIDE), min(high, lines[-1] * _BESIDE)
         tried: list[tuple[float, NDArray[np.float64]]] = []
         for frequency in np.geomspace(min(low, high), high, _POLES):
@@ -244,7 +256,9 @@ class ModeGrowth:
         s, pole = 2j * np.pi * self.lines_hz, angular * (-ratio + 1j * free)
         gain = self._middle**2 / (2j * angular * free)
         first, second = gain / (s - pole), np.conj(gain) / (s - np.conj(pole))
-        real, imaginary = ((slope * factor[:, None, None]).reshape(-1, 3) for factor in (first + second, 1j * (first - second)))
+        real, imaginary = (
+            (slope * factor[:, None, None]).reshape(-1, 3) for factor in (first + second, 1j * (first - second))
+        )
         columns = np.concatenate([real, imaginary], axis=1)
         columns = np.concatenate([columns.real, columns.imag])
         columns = columns - basis @ (basis.T @ columns)

@@ -28,7 +28,7 @@ from receptance.coupling.blanks import blank_equations
 from receptance.coupling.common_lines import common_lines
 from receptance.coupling.line_equations import TERMS, Equations, linear_solution, refine
 from receptance.errors import ReceptanceError
-from receptance.fit.observation import Observation, altered
+from receptance.fit.observation import Observation, Unit, altered
 from receptance.fit.parameters import FACTORS, Parameters
 from receptance.fit.problem import Problem, Task
 from receptance.fit.search import is_damping, with_damping
@@ -110,7 +110,8 @@ class SpindleRecords:
         self._records, self._name, self._threads = tuple(records), name, threads
         observed = (*records, *others)
         parameters = Parameters(unknowns, tolerances, [o.site(i) for i, o in enumerate(observed)])
-        self._task = Task(observed, parameters, ("standard deviations",) * len(observed), threads=threads)
+        units: list[Unit] = ["standard deviations"] * len(observed)
+        self._task = Task(observed, parameters, tuple(units), threads=threads)
         self._exact = self._task.without_errors()
         self._same = [self._first_like(i) for i in range(len(records))]
         names = dict.fromkeys(record.configuration for record in records)
@@ -301,7 +302,9 @@ def _few(count: int, most: int) -> NDArray[np.intp]:
 def _projected(equations: Equations) -> NDArray[np.float64]:
     """Return the part of the records of one configuration that no spindle explains, in units of the allowed error."""
     r, e = equations.response, equations.excitation
-    columns = np.stack([r[..., 0] * e[..., 0], r[..., 1] * e[..., 1], r[..., 0] * e[..., 1] + r[..., 1] * e[..., 0]], -1)
+    columns = np.stack(
+        [r[..., 0] * e[..., 0], r[..., 1] * e[..., 1], r[..., 0] * e[..., 1] + r[..., 1] * e[..., 0]], -1
+    )
     weight = 1.0 / (np.abs(equations.measured) * np.hypot(equations.deviation, _ERROR))
     columns = columns * weight[..., None]
     size = np.linalg.norm(columns, axis=1, keepdims=True)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from receptance._peaks import local_maxima
 from receptance.coupling.mode_growth import QUANTITIES, ModeGrowth, Rows, around_solution, of_records
 from receptance.coupling.spindle_elimination import SpindleRecords
-from receptance.fit.observation import Observation, altered
+from receptance.fit.observation import Observation, Unit, altered
 from receptance.fit.parameters import Parameters
 from receptance.fit.problem import End, Task
 from receptance.fit.unknowns import Tolerance, Unknown
@@ -38,6 +38,10 @@ _BELOW = 4.0
 _BEYOND = 1.5
 """Factor between their upper bound and the last line. A mode far beyond has the effect of a residual, and a fit with
 both moves along a valley."""
+_ABOVE = 1.05
+"""Ratio of a natural frequency to the last line from which a mode is above the lines."""
+_KEPT = (1, 4, 5)
+"""Damping and imaginary shape, which such a mode keeps."""
 _SHAPE = 10.0
 """Bounds of y, relative to the largest start."""
 _SLOPE = 5.0
@@ -68,8 +72,8 @@ def bounds_of_modes(
     """Return the numbers of a modal part as unknowns, with bounds and starts from FRFs of assemblies with the part.
 
     `given` are known numbers of each mode in SI units, which become starts, as do the residuals. The unknowns are
-    frequency, damping ratio and complex shape of each mode, and the residuals. The start of a natural frequency that is not
-    given is one of the lowest peaks of the mean FRF.
+    frequency, damping ratio and complex shape of each mode, and the residuals. The start of a natural frequency that is
+    not given is one of the lowest peaks of the mean FRF.
     """
     lines, logarithm = _mean(observations)
     frequencies = _frequencies([mode.get("frequency_hz") for mode in given], lines, logarithm)
@@ -160,9 +164,9 @@ def start_modes(
 ) -> tuple[list[Unknown], list[Tolerance]]:
     """Return unknowns and tolerances with starts for a fit of the modes of the part `name` and of all others.
 
-    The observations all have standard deviations or none; the unknowns include those of `bounds_of_modes`. `starts` is the number
-    of starts, drawn with the seed, of the parameters before the plane where the records do not determine the spindle
-    line by line. Observations without a common line leave the starts as they are.
+    The observations all have standard deviations or none; the unknowns include those of `bounds_of_modes`. `starts` is
+    the number of starts, drawn with the seed, of the parameters before the plane where the records do not determine the
+    spindle line by line. Observations without a common line leave the starts as they are.
     """
     if not all(observation.weighted for observation in observations):
         # Without weights only the relative sizes of residuals count, here all alike.
@@ -172,30 +176,37 @@ def start_modes(
     records = SpindleRecords.of(observations, others, name, tolerances, threads)
     if records is None:
         return list(unknowns), list(tolerances)
-    end = records.terminal
-    if not isinstance(end, ModalPart):
-        raise TypeError(f"{name!r} is {end!r}, expected a modal part")
-    part = _Modes(name, end, {unknown.address: unknown for unknown in modal})
-    parameters = Parameters(unknowns, tolerances, [o.site(i) for i, o in enumerate(observations)])
-    task = Task(tuple(observations), parameters, ("standard deviations",) * len(observations), threads=threads)
+    terminal = records.terminal
+    if not isinstance(terminal, ModalPart):
+        raise TypeError(f"{name!r} is {terminal!r}, expected a modal part")
+    part = _Modes(name, terminal, {unknown.address: unknown for unknown in modal})
     spindle = records.eliminated(seed)
-    ends: list[End] = []
     if spindle is not None:
-        rows = around_solution(spindle.equations, spindle.entries)
-        ends.append(_fitted(task, spindle.values | part.grown(records.lines_hz, rows), name))
+        before = [(spindle.values, around_solution(spindle.equations, spindle.entries))]
     else:
-        for x in records.starts(starts, seed):
-            values = part.grown(records.lines_hz, of_records(records.equations(x)))
-            ends.append(_fitted(task, records.named(x) | values, name))
-    best = dict(zip(task.variables.names, task.variables.to_values(_best(ends).x).tolist(), strict=True))
-    best |= part.ordered(best)
-    begun = [
-        replace(unknown, start=float(np.clip(best[unknown.name], unknown.lower, unknown.upper)))
-        if unknown.name in best
+        before = [(records.named(x), of_records(records.equations(x))) for x in records.starts(starts, seed)]
+    sites = [observation.site(i) for i, observation in enumerate(observations)]
+    units: list[Unit] = ["standard deviations"] * len(observations)
+    fits = []
+    for values, rows in before:
+        begun = [*_started(others, values), *part.grown(records.lines_hz, rows)]
+        errors = [replace(tolerance, start=values.get(tolerance.name, 0.0)) for tolerance in tolerances]
+        parameters = Parameters(begun, errors, sites)
+        task = Task(tuple(observations), parameters, tuple(units), threads=threads)
+        fits.append((_fitted(task, name), task, begun))
+    end, task, begun = min(fits, key=lambda fit: fit[0].cost)
+    values = dict(zip(task.variables.names, task.variables.to_values(end.x).tolist(), strict=True))
+    return _started(begun, values), [replace(tolerance, start=values[tolerance.name]) for tolerance in tolerances]
+
+
+def _started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[Unknown]:
+    """Return unknowns that start at the values by name, within their bounds."""
+    return [
+        replace(unknown, start=float(np.clip(values[unknown.name], unknown.lower, unknown.upper)))
+        if unknown.name in values
         else unknown
         for unknown in unknowns
     ]
-    return begun, [replace(tolerance, start=best[tolerance.name]) for tolerance in tolerances]
 
 
 def _sizes(observation: Observation) -> NDArray[np.float64]:
@@ -204,26 +215,13 @@ def _sizes(observation: Observation) -> NDArray[np.float64]:
     return np.ones(frequency.size) if observation.is_receptance else frequency
 
 
-def _best(ends: Sequence[End]) -> End:
-    return min(ends, key=lambda end: end.cost)
-
-
-def _fitted(task: Task, values: Mapping[str, float], name: str) -> End:
+def _fitted(task: Task, name: str) -> End:
     """Return the end of a fit on some lines: of the modes alone, then of everything."""
-    variables = task.variables
-    at = variables.to_values(variables.start)
-    columns = {title: column for column, title in enumerate(variables.names)}
-    for title, value in values.items():
-        if title in columns:
-            at[columns[title]] = value
-    problem = task.problem()
+    variables, problem = task.variables, task.problem()
     few = problem.thinned(_LINES) or problem
     modes = np.array([title.startswith(f"{name}.") for title in variables.names])
-    x = variables.from_values(np.clip(at, *variables.bounds))
-    for free in (modes, np.ones_like(modes)):
-        end = few.fit_one(x, _EVALUATIONS, free=free, least=_LEAST)
-        x = end.x
-    return end
+    end = few.fit_one(variables.start, _EVALUATIONS, free=modes, least=_LEAST)
+    return few.fit_one(end.x, _EVALUATIONS, least=_LEAST)
 
 
 @dataclass(frozen=True)
@@ -235,47 +233,64 @@ class _Modes:
     unknowns: Mapping[str, Unknown]
     """Unknowns of the part by address."""
 
-    def grown(self, lines_hz: NDArray[np.inexact], rows: Callable[[NDArray[np.complex128]], Rows]) -> dict[str, float]:
-        """Return the values of the unknowns by name for modes that were added one at a time."""
-        bounds = np.array(
-            [
-                [self._bounds(f"mode[{index}].{quantity}", getattr(mode, quantity)) for quantity in QUANTITIES]
-                for index, mode in enumerate(self.part.modes)
-            ]
-        )
+    def grown(self, lines_hz: NDArray[np.inexact], rows: Callable[[NDArray[np.complex128]], Rows]) -> list[Unknown]:
+        """Return the unknowns with starts for modes that were added one at a time.
+
+        A mode above the lines keeps the damping and the imaginary part of its shape, which are no unknowns any more.
+        """
+        described = [[getattr(mode, quantity) for quantity in QUANTITIES] for mode in self.part.modes]
+        pairs = [
+            self._bounds(f"mode[{index}].{quantity}", value)
+            for index, row in enumerate(described)
+            for quantity, value in zip(QUANTITIES, row, strict=True)
+        ]
+        bounds = np.array(pairs).reshape(len(described), len(QUANTITIES), 2)
         residuals = [getattr(self.part, quantity) for quantity in RESIDUALS]
         limits = np.array([self._bounds(name, value) for name, value in zip(RESIDUALS, residuals, strict=True)])
-        modes, rest = ModeGrowth(lines_hz, rows, bounds, limits).grown(residuals)
+        above = self._above(bounds, np.array(described), float(lines_hz.real[-1]))
+        growth = ModeGrowth(lines_hz=lines_hz, rows=rows, bounds=bounds, above=above, residual_bounds=limits)
+        modes, chosen, rest = growth.grown(residuals)
+        modes, chosen = _in_order(modes, chosen, bounds)
         numbers = dict(zip((f"{self.name}.{quantity}" for quantity in RESIDUALS), rest.tolist(), strict=True))
-        for index, row in enumerate(modes.tolist()):
-            numbers |= {f"{self.name}.mode[{index}].{key}": value for key, value in zip(QUANTITIES, row, strict=True)}
-        return {unknown.name: numbers[address] for address, unknown in self.unknowns.items() if address in numbers}
+        sides: dict[str, tuple[float, float]] = {}
+        for index, (row, pairs) in enumerate(zip(modes.tolist(), chosen.tolist(), strict=True)):
+            for quantity, value, (low, high) in zip(QUANTITIES, row, pairs, strict=True):
+                address = f"{self.name}.mode[{index}].{quantity}"
+                numbers[address], sides[address] = value, (low, high)
+        unknowns = []
+        for address, unknown in self.unknowns.items():
+            low, high = sides.get(address, (unknown.lower, unknown.upper))
+            if low < high:
+                unknowns.append(
+                    replace(unknown, lower=low, upper=high, start=float(np.clip(numbers[address], low, high)))
+                )
+        return unknowns
 
     def _bounds(self, quantity: str, value: float) -> tuple[float, float]:
         unknown = self.unknowns.get(f"{self.name}.{quantity}")
         return (value, value) if unknown is None else (unknown.lower, unknown.upper)
 
-    def ordered(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the values by name with positive y, and modes of equal bounds in ascending order."""
-        rows: list[dict[str, Unknown]] = []
-        for index in range(len(self.part.modes)):
-            addresses = {key: f"{self.name}.mode[{index}].{key}" for key in QUANTITIES}
-            rows.append({key: self.unknowns[a] for key, a in addresses.items() if a in self.unknowns})
-        numbers = [{key: values[unknown.name] for key, unknown in row.items()} for row in rows]
-        for row, own in zip(rows, numbers, strict=True):
-            shape = own.keys() - {"frequency_hz", "damping_ratio"}
-            if own.get("y", 0.0) < 0.0 and len(shape) == 4 and all(-row[key].lower == row[key].upper for key in shape):
-                own |= {key: -own[key] for key in shape}
-        alike: dict[tuple[tuple[str, float, float], ...], list[int]] = {}
-        for index, row in enumerate(rows):
-            bounds = tuple((key, unknown.lower, unknown.upper) for key, unknown in row.items())
-            if len(row) == len(QUANTITIES):
-                alike.setdefault(bounds, []).append(index)
-        result: dict[str, float] = {}
-        for places in alike.values():
-            ascending = sorted((numbers[index] for index in places), key=lambda own: own["frequency_hz"])
-            for index, own in zip(places, ascending, strict=True):
-                numbers[index] = own
-        for row, own in zip(rows, numbers, strict=True):
-            result |= {unknown.name: own[key] for key, unknown in row.items()}
-        return result
+    def _above(self, bounds: NDArray[np.float64], described: NDArray[np.float64], last: float) -> NDArray[np.float64]:
+        """Return the bounds of each mode where it is above the lines."""
+        above = bounds.copy()
+        for index in range(len(bounds)):
+            if np.all(bounds[index, :, 0] < bounds[index, :, 1]) and bounds[index, 0, 1] > _ABOVE * last:
+                above[index, 0, 0] = max(_ABOVE * last, bounds[index, 0, 0])
+                above[index, _KEPT] = described[index, _KEPT, None]
+        return above
+
+
+def _in_order(
+    modes: NDArray[np.float64], limits: NDArray[np.float64], bounds: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return modes and their bounds with positive y, and those of equal bounds at first in ascending order."""
+    modes, limits = modes.copy(), limits.copy()
+    for index, mode in enumerate(modes):
+        if mode[2] < 0.0 and np.all(limits[index, 2:, 0] == -limits[index, 2:, 1]):
+            modes[index, 2:] = -mode[2:]
+    for index in range(len(modes)):
+        alike = [i for i in range(len(modes)) if np.array_equal(bounds[i], bounds[index])]
+        if alike[0] == index:
+            ascending = [alike[i] for i in np.argsort(modes[alike, 0])]
+            modes[alike], limits[alike] = modes[ascending], limits[ascending]
+    return modes, limits
