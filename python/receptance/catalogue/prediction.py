@@ -153,7 +153,8 @@ def _predict(
     tool, notes_of_tool = catalogue.assemble(row), list(notes)
     predicted = predict_assembly(catalogue.campaign, identified, tool.site, tool.tolerances, row.name, notes_of_tool, 1)
     linear = predicted.linear(lines)
-    modes = line_modes(lines, linear.receptance, linear.variance)
+    # Errors that all lines share make no peaks.
+    modes = line_modes(lines, linear.receptance, linear.variance if linear.independent else None)
     slopes = modes.log_slopes(linear.slope).reshape(3 * len(modes), len(predicted.addresses))
     deviation = predicted.scatter(slopes).total.reshape(-1, 3)
     return ToolPrediction(
@@ -161,7 +162,7 @@ def _predict(
         assembly=predicted.assembly,
         tip=predicted.receptance(lines, draws=draws, seed=seed, linear=linear, phase=False),
         modes=modes.values,
-        modes_deviation=np.sqrt(deviation**2 + modes.log_variances(linear.variance)),
+        modes_deviation=np.sqrt(deviation**2 + modes.log_variances(linear.spindle_errors, independent=linear.independent)),
         level=catalogue.campaign.table.prediction.level,
         rejection=() if identified is None else identified.rejection,
         notes=tuple(notes_of_tool),

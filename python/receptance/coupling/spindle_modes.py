@@ -46,30 +46,18 @@ class SpindleModes:
     """Modes of a spindle as identified by `fit_spindle`."""
 
     part: ModalPart
-    """The spindle as the end of an assembly; its band is that of the responses."""
-    identification: Identification
-    """The fit: values and their covariance by address, residuals, notes."""
-    discrepancy: float
-    """Relative standard deviation of the model error of y/F, theta/M and y/M, which a few modes with viscous damping
-    cannot represent. It is estimated from the residuals of the fit, and zero if these contain noise only."""
+    """The spindle as the end of an assembly; its band is that of the responses. Its `discrepancy` is that of a few
+    modes with viscous damping: it is estimated from the residuals of the fit, and zero if these contain noise only."""
+    covariance: NDArray[np.float64]
+    """`(m, m)` covariance of the parameters at `addresses`, in SI units: that of the fit, multiplied by the square of
+    the rms of the fit if that is above 1."""
+    identification: Identification | None = None
+    """The fit: values and their covariance by address, residuals, notes; None for modes that were read from a file."""
 
     @property
     def addresses(self) -> tuple[str, ...]:
         """Addresses of the modes' parameters in any assembly that ends with `part`."""
         return tuple(f"{self.part.name}.{quantity}" for quantity in self.part.addresses)
-
-    @property
-    def covariance(self) -> NDArray[np.float64]:
-        """`(m, m)` covariance of the parameters at `addresses`, in SI units.
-
-        It is the covariance of the fit, multiplied by the square of the rms of the fit if that is above 1.
-        """
-        fit = self.identification
-        order = [list(fit.values).index(address) for address in self.addresses]
-        scales = [fit.unknowns[index].scale for index in order]
-        values = np.array([fit.values[address] for address in self.addresses])
-        slope = np.where([scale == "log" for scale in scales], values * np.log(10.0), 1.0) * max(fit.rms, 1.0)
-        return np.asarray(fit.covariance)[np.ix_(order, order)] * np.outer(slope, slope)
 
     @property
     def tolerances(self) -> tuple[Tolerance, ...]:
@@ -127,11 +115,12 @@ class SpindleModes:
         addresses = [*self.addresses, *residuals]
         h, slope = machine.derivatives(frequency_hz, addresses, response=response, excitation=excitation)
         count = len(self.addresses)
-        errors = self.discrepancy * _magnitudes(self.part, np.asarray(frequency_hz))
-        return h, slope[..., :count], slope[..., count:] * errors
+        root = self.part.error_root(np.asarray(frequency_hz))
+        errors = np.zeros((h.size, 3)) if root is None else np.einsum("nij,ni->nj", root, slope[..., count:])
+        return h, slope[..., :count], errors
 
     def __repr__(self) -> str:
-        return f"SpindleModes({self.part!r}, rms {self.identification.rms:.3g})"
+        return f"SpindleModes({self.part!r})"
 
 
 def fit_spindle(
@@ -140,6 +129,7 @@ def fit_spindle(
     *,
     modes: int | Sequence[float] | None = None,
     name: str = "spindle",
+    tolerances: Sequence[Tolerance] = (),
     threads: int | None = None,
 ) -> SpindleModes:
     """Fit modes and a residual to responses of blanks in a spindle.
@@ -159,6 +149,8 @@ def fit_spindle(
         Number of modes, or their approximate frequencies in Hz; by default as many as `fit_modes` finds.
     name : str, optional
         First word of the addresses of the parameters.
+    tolerances : sequence of Tolerance, optional
+        Errors of the blanks, which are fitted as well.
     threads : int, optional
         As in `Assembly.receptance`.
 
@@ -171,14 +163,26 @@ def fit_spindle(
     check_blanks(observed)
     start = _start(spindle, modes, name=name)
     low, high = (float(np.asarray(spindle.frequency_hz).real[i]) for i in (0, -1))
-    fit = identify(_coupled(observed, start), _unknowns(start, high), starts=1, threads=threads)
-    values = {address.split(".", 1)[1]: value for address, value in fit.values.items()}
-    part = start.with_values(values)
-    return SpindleModes(
-        part=replace(part, band_hz=(low, high)),
-        identification=fit,
-        discrepancy=_discrepancy(_coupled(observed, part), part),
+    fit = identify(
+        _coupled(observed, start), _unknowns(start, high), starts=1, tolerances=tuple(tolerances), threads=threads
     )
+    part = start.with_values({address: fit.values[f"{name}.{address}"] for address in start.addresses})
+    discrepancy = _discrepancy(_coupled(observed, part), part)
+    return SpindleModes(
+        part=replace(part, band_hz=(low, high), discrepancy=discrepancy),
+        covariance=_covariance(fit, part),
+        identification=fit,
+    )
+
+
+def _covariance(fit: Identification, part: ModalPart) -> NDArray[np.float64]:
+    """Return the covariance of the numbers of a part in SI units; errors of the blanks are among its causes."""
+    addresses = [f"{part.name}.{quantity}" for quantity in part.addresses]
+    order = [list(fit.values).index(address) for address in addresses]
+    scales = [fit.unknowns[index].scale for index in order]
+    values = np.array([fit.values[address] for address in addresses])
+    slope = np.where([scale == "log" for scale in scales], values * np.log(10.0), 1.0) * max(fit.rms / fit.noise_factor, 1.0)
+    return np.asarray(fit.covariance)[np.ix_(order, order)] * np.outer(slope, slope)
 
 
 def mode_tolerances(part: ModalPart, covariance: ArrayLike) -> tuple[Tolerance, ...]:
@@ -246,18 +250,6 @@ def mode_tolerances(part: ModalPart, covariance: ArrayLike) -> tuple[Tolerance, 
     return tuple(tolerances)
 
 
-def _magnitudes(part: ModalPart, lines: NDArray[np.inexact]) -> NDArray[np.float64]:
-    """Return the root sum of squares of the contributions of modes and residual to y/F, theta/M and y/M, `(n, 3)`.
-
-    Model errors are relative to it, because at an antiresonance the contributions cancel and their errors do not.
-    """
-    terms = [np.abs(mode.entries(lines)[:, :2]) for mode in part.modes]
-    terms.append(np.tile(np.abs([part.residual_y, part.residual_theta]), (lines.size, 1)))
-    y, theta = np.sqrt(np.sum(np.square(terms), axis=0)).T
-    coupling = np.sqrt(np.sum([np.prod(term, axis=1) for term in terms], axis=0))
-    return np.stack([y, theta, coupling], axis=1)
-
-
 def _discrepancy(observed: Sequence[Observation], part: ModalPart) -> float:
     """Return the relative model error by restricted maximum likelihood of the residuals of the fit.
 
@@ -280,7 +272,9 @@ def _discrepancy(observed: Sequence[Observation], part: ModalPart) -> float:
         weighted = slope / (h * deviation)[:, None]
         residual = np.log(observation.receptance / h) / deviation
         # The last parameters are the residuals; their derivatives are those with respect to the entries.
-        entries = weighted[:, -len(RESIDUALS) :] * _magnitudes(part, lines)
+        root = replace(part, discrepancy=1.0).error_root(lines)
+        assert root is not None
+        entries = weighted[:, -len(RESIDUALS) :] * np.einsum("nii->ni", root)
         shares = np.stack([np.interp(np.log(lines.real), nodes, row) for row in np.eye(nodes.size)], axis=1)
         error = (entries[:, :, None] * shares[:, None, :]).reshape(lines.size, -1)
         # Real and imaginary parts are rows; an error has a real and an imaginary part, which are columns.

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import tau
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 import scipy
@@ -70,6 +70,21 @@ class Terminal(Element, ABC):
     def entries(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
 
+    independent_lines: ClassVar[bool]
+    """Whether the errors of `error_root` are independent between lines; if not, all lines share them."""
+
+    @abstractmethod
+    def error_root(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128] | None:
+        """Return the errors of y/F, theta/M and y/M that no parameter describes; None if there are none.
+
+        R of shape `(n, 3, 3)`: the errors are R z with independent complex z of unit variance of real and imaginary
+        part, so that R R^H is their covariance on each line.
+        """
+
+    @abstractmethod
+    def covers(self, frequency_hz: ArrayLike) -> NDArray[np.bool_]:
+        """Return on which real lines in Hz the part has a value, `(n,)`."""
+
     def _residual(self) -> NDArray[np.complex128]:
         return np.array([getattr(self, quantity) for quantity in RESIDUALS], dtype=np.complex128)
 
@@ -121,6 +136,7 @@ class MeasuredPart(Terminal):
     ] = 0.0
     covariance: NDArray[np.complex128] | None = None
     source: Annotated[str, Field("file that it was read from, for messages")] = field(default="", compare=False)
+    independent_lines: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         owner = self.owner
@@ -185,6 +201,21 @@ class MeasuredPart(Terminal):
             self._check_between(owner, real[~same])
             result[~same] = _spline(self.frequency_hz, self._table, real[~same])
         return result
+
+    @cached_property
+    def _root(self) -> NDArray[np.complex128] | None:
+        """The root of the covariance on the lines of the table, `(n, 3, 3)`."""
+        if self.covariance is None:
+            return None
+        # Terms in units of their deviation: those of y/F and theta/M differ by many orders.
+        deviation = np.sqrt(np.einsum("nii->ni", self.covariance).real.clip(0.0))
+        scale = np.where(deviation > 0.0, deviation, 1.0)
+        values, vectors = np.linalg.eigh(self.covariance / (scale[:, :, None] * scale[:, None, :]))
+        return np.asarray(scale[:, :, None] * vectors * np.sqrt(values.clip(0.0))[:, None, :])
+
+    def error_root(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128] | None:
+        """Return the root of the covariance of the nearest line of the table, `(n, 3, 3)`; None without covariance."""
+        return None if self._root is None else self._root[nearest_lines(self.frequency_hz, lines.real)[0]]
 
     def covers(self, frequency_hz: ArrayLike) -> NDArray[np.bool_]:
         """Return on which real lines in Hz the part has a value, `(n,)`: within its band, and not in a gap.
@@ -404,6 +435,16 @@ class ModalPart(Terminal):
 
     modes: tuple[Mode, ...]
     band_hz: tuple[float, float] | None = None
+    discrepancy: Annotated[
+        float,
+        Number(
+            units.SHARE,
+            "relative standard deviation of what the modes cannot represent, of y over force, theta over moment and "
+            "y over moment",
+            parameter=False,
+        ),
+    ] = 0.0
+    independent_lines: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         _checks.set_fields(self, {"modes": _checks.items(f"{self.owner}: modes", self.modes, Mode)})
@@ -425,12 +466,35 @@ class ModalPart(Terminal):
         self.check_band(lines)
         return modal_entries(self.modes, lines) + self._residual()
 
+    def error_root(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128] | None:
+        """Return the discrepancy times the magnitudes of the entries, `(n, 3, 3)` diagonal; None without one.
+
+        A magnitude is the root sum of squares of the contributions of modes and residual, because at an antiresonance
+        the contributions cancel and their errors do not.
+        """
+        if not self.discrepancy:
+            return None
+        terms = [np.abs(mode.entries(lines)[:, :2]) for mode in self.modes]
+        terms.append(np.tile(np.abs([self.residual_y, self.residual_theta]), (lines.size, 1)))
+        sizes = np.sqrt(np.sum(np.square(terms), axis=0))
+        coupling = np.sqrt(np.sum([np.prod(term, axis=1) for term in terms], axis=0))
+        size = np.concatenate([sizes, coupling[:, None]], axis=1)
+        return np.asarray(self.discrepancy * size[:, :, None] * np.eye(3), dtype=np.complex128)
+
+    def covers(self, frequency_hz: ArrayLike) -> NDArray[np.bool_]:
+        """Return which real lines in Hz are within the band, `(n,)`."""
+        lines = _checks.frequencies(frequency_hz).real
+        if self.band_hz is None:
+            return np.ones(lines.size, dtype=np.bool_)
+        low, high = self.band_hz
+        return np.asarray((lines >= low * (1.0 - EQUAL_LINES)) & (lines <= high * (1.0 + EQUAL_LINES)))
+
     def check_band(self, lines: NDArray[np.inexact]) -> None:
         """Raise `ValueError` for a line in Hz outside the band."""
         if self.band_hz is None:
             return
         low, high = self.band_hz
-        bad = np.flatnonzero((lines.real < low * (1.0 - 1e-9)) | (lines.real > high * (1.0 + 1e-9)))
+        bad = np.flatnonzero(~self.covers(lines.real))
         if bad.size:
             raise ValueError(
                 f"{self.owner} is known from {low:g} to {high:g} Hz, and the line at {lines[bad[0]].real:g} Hz is "
