@@ -20,7 +20,7 @@ from receptance.fit.covariance import square_root
 from receptance.fit.observation import altered
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
-from receptance.model.terminals import RESIDUALS, ModalPart, Mode
+from receptance.model.terminals import DISCREPANCY_WIDTH, RESIDUALS, ModalPart, Mode
 
 _LOWEST_START = 0.02
 """Lowest damping ratio of a starting mode: a narrower mode cannot move away from a peak of noise."""
@@ -31,8 +31,6 @@ _RESIDUAL_SHARE = 0.5
 """Share of the residual that the start of this mode accounts for."""
 _HIGHEST_FREQUENCY = 5.0
 """Upper bound of the frequency of this mode, relative to the end of the band."""
-_NODE_SPACING = 0.25
-"""Distance of the nodes of the model error in the logarithm of frequency."""
 _DISCREPANCIES = (1e-6, 1.0)
 """Range of the relative model error."""
 _SYMMETRIC = 1e-9
@@ -262,7 +260,7 @@ def _discrepancy(observed: Sequence[Observation], part: ModalPart) -> float:
     addresses = [f"{part.name}.{quantity}" for quantity in part.addresses]
     low = float(np.log(min(observation.frequency_hz[0].real for observation in observed)))
     high = float(np.log(max(observation.frequency_hz[-1].real for observation in observed)))
-    nodes = np.linspace(low, high, int(np.ceil((high - low) / _NODE_SPACING)) + 1)
+    nodes = np.linspace(low, high, int(np.ceil((high - low) / DISCREPANCY_WIDTH)) + 1)
     blocks = []
     for observation in observed:
         lines, deviation = observation.frequency_hz, np.asarray(observation.standard_deviation)

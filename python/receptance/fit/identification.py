@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal, TypedDict
 
 import numpy as np
@@ -20,6 +21,7 @@ from receptance.fit.peaks import check_bands
 from receptance.fit.problem import Problem, Task
 from receptance.fit.result import Identification
 from receptance.fit.search import Start, fit_direct, fit_staged
+from receptance.fit.spindle_errors import has_spindle_errors, with_spindle_errors
 from receptance.fit.unknowns import Tolerance, Unknowns, Variables, as_unknowns
 from receptance.report import Provenance
 
@@ -212,6 +214,12 @@ def identify(
         return conclude(task, problem, runs, loss=smoothing, seed=seed, notes=list(notes))
 
     result = fit(task, problem)
+    if objective == "log" and all(unit == "standard deviations" for unit in units) and has_spindle_errors(observed):
+        # The errors of a measured spindle act through the joint, which the first fit knows.
+        observed, more = with_spindle_errors(observed, result.assemblies)
+        notes += more
+        task = replace(task, observed=observed)
+        result = fit(task, task.problem())
     # The priors of fitted errors are residuals, so chi-square has as many degrees of freedom as there are independent
     # numbers minus unknowns without a prior.
     left = task.independent_values - free

@@ -36,6 +36,8 @@ _NEIGHBOURS = 4
 """Lines or intervals to each side from which the usual value and spacing are taken."""
 _MIN_LINES = 8
 """Least lines of a table that is interpolated."""
+DISCREPANCY_WIDTH = 0.25
+"""Width in the logarithm of frequency over which the discrepancy of modes is one error."""
 _FEW, _IN_GAP, _INEXACT = 1, 2, 3
 """Why a table has no value between its lines."""
 
@@ -79,6 +81,13 @@ class Terminal(Element, ABC):
 
         R of shape `(n, 3, 3)`: the errors are R z with independent complex z of unit variance of real and imaginary
         part, so that R R^H is their covariance on each line.
+        """
+
+    @abstractmethod
+    def error_groups(self, lines_hz: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Return a number for each line `(n,)`; the errors of `error_root` are those of one draw in lines of one number.
+
+        Errors of modes are smooth: they are one draw over a quarter in the logarithm of frequency.
         """
 
     @abstractmethod
@@ -216,6 +225,11 @@ class MeasuredPart(Terminal):
     def error_root(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128] | None:
         """Return the root of the covariance of the nearest line of the table, `(n, 3, 3)`; None without covariance."""
         return None if self._root is None else self._root[nearest_lines(self.frequency_hz, lines.real)[0]]
+
+    def error_groups(self, lines_hz: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Return the number of the nearest line of the table, `(n,)`."""
+        middles = 0.5 * (self.frequency_hz[1:] + self.frequency_hz[:-1])
+        return np.asarray(np.searchsorted(middles, lines_hz))
 
     def covers(self, frequency_hz: ArrayLike) -> NDArray[np.bool_]:
         """Return on which real lines in Hz the part has a value, `(n,)`: within its band, and not in a gap.
@@ -480,6 +494,10 @@ class ModalPart(Terminal):
         coupling = np.sqrt(np.sum([np.prod(term, axis=1) for term in terms], axis=0))
         size = np.concatenate([sizes, coupling[:, None]], axis=1)
         return np.asarray(self.discrepancy * size[:, :, None] * np.eye(3), dtype=np.complex128)
+
+    def error_groups(self, lines_hz: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Return the number of the quarter in the logarithm of frequency, `(n,)`."""
+        return np.floor(np.log1p(lines_hz) / DISCREPANCY_WIDTH).astype(np.intp)
 
     def covers(self, frequency_hz: ArrayLike) -> NDArray[np.bool_]:
         """Return which real lines in Hz are within the band, `(n,)`."""
