@@ -14,8 +14,9 @@ from receptance.campaign.comparison import Comparison
 from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import LevelSeries
 from receptance.campaign.prediction import Prediction
+from receptance.campaign.spindle import SpindleIdentification
 from receptance.campaign.values import kind_of
-from receptance.coupling.figure import draw_with_law
+from receptance.coupling.figure import draw_spindle, draw_with_law
 from receptance.fit.figure import (
     MOST_FRFS,
     cell_grid,
@@ -51,7 +52,8 @@ def draw_check(check: CampaignCheck, ax: Axes | None = None) -> Figure:
     groups: dict[Any, list[str]] = {}
     drawings: dict[Any, Drawing] = {}
     for name, assembly in check.campaign.assemblies.items():
-        measured = [m for m in check.campaign.measurements.values() if m.configuration == name]
+        everything = (*check.campaign.measurements.values(), *check.campaign.on_blanks.values())
+        measured = [m for m in everything if m.configuration == name]
         marks = tuple(dict.fromkeys(mark for observation in measured for mark in _marks(observation)))
         shown = measured[0].assembly if measured else assembly
         key = (*(_shape(element) for element in shown.elements.items()), tuple(shown.attachments), marks)
@@ -159,6 +161,11 @@ def draw_series(levels: LevelSeries, ax: Axes | None = None) -> Figure:
     if levels.provenance.title:
         title_left(figure, levels.provenance.title)
     return finished(figure)
+
+
+def draw_spindle_identification(found: SpindleIdentification, ax: Axes | None = None) -> Figure:
+    """Draw the terms of a spindle with bands and usable lines, its modes over them, and the condition number."""
+    return draw_spindle(found.table, ax, modes=found.modes)
 
 
 def draw_comparison(comparison: Comparison, ax: Axes | None = None) -> Figure:

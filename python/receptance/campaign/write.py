@@ -209,7 +209,8 @@ def _extended(campaign: CampaignData, verdict: Verdict, folder: Path) -> dict[st
         name: _applied(base, explanation, observation, campaign.errors_of([name]))
         for name, observation in campaign.measurements.items()
     }
-    assemblies = {name: _of_assembly(campaign, base, explanation, name) for name in campaign.assemblies}
+    described = [name for name in campaign.assemblies if name not in campaign.blanks]
+    assemblies = {name: _of_assembly(campaign, base, explanation, name) for name in described}
     _write_structure(data, campaign, assemblies, {a for u in explanation.fit.model.unknowns for a in addresses_of(u)})
     # The end of truncated records, if a cause has identified it from all of them together.
     before = {name: observation.ends for name, observation in campaign.measurements.items()}
@@ -474,7 +475,7 @@ def _rebase_files(data: dict[str, Any], before: Path, after: Path) -> None:
     def moved(name: str) -> str:
         return Path(os.path.relpath((before / name).resolve(), after.resolve())).as_posix()
 
-    for table in data["measurements"].values():
+    for table in (*data["measurements"].values(), *data.get("spindles", {}).values()):
         for key in ("file", "coherence"):
             written = table.get(key)
             if isinstance(written, str):

@@ -28,7 +28,9 @@ TABLE, MODES = ".npz", ".toml"
 _FORMAT = "receptance spindle 1"
 _FORMAT_OF_MODES = "receptance spindle modes 1"
 _REQUIRED = ("frequency_hz", "matrix", "decay_rate")
-_HEAD = "# Modes of a spindle with the covariance of their numbers. A campaign reads them: [spindles.NAME], file = ...\n"
+_HEAD = (
+    "# Modes of a spindle with the covariance of their numbers. A campaign reads them: [spindles.NAME], file = ...\n"
+)
 _KEYS = ("format", "band", "discrepancy", *RESIDUALS, "modes", "uncertainty")
 
 
@@ -163,7 +165,9 @@ def _modes_text(spindle: SpindleModes) -> str:
     table["modes"] = [numbers(mode, Mode.columns_of) for mode in part.modes]
     # A row of the covariance is a line of the file.
     rows = "".join(f"    [{', '.join(map(repr, row))}],\n" for row in covariance.tolist())
-    order = f"# In the order {', '.join(Mode.columns_of)} of each mode, then the residuals; SI units, frequencies in Hz."
+    order = (
+        f"# In the order {', '.join(Mode.columns_of)} of each mode, then the residuals; SI units, frequencies in Hz."
+    )
     return f"{_HEAD}{tomli_w.dumps(table)}\n[uncertainty]\n{order}\ncovariance = [\n{rows}]\n"
 
 
@@ -183,9 +187,9 @@ def _modes_of(content: bytes, name: str) -> SpindleModes:
     rows = table.get("modes")
     if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
         raise ValueError(f"modes is {shown(rows)}, expected [[modes]], one or more")
-    modes = [
+    modes = tuple(
         Mode(**_numbers(Mode, Mode.columns_of, row, f"modes[{index}]", needed=True)) for index, row in enumerate(rows)
-    ]
+    )
     own = {key: table[key] for key in ("discrepancy", *RESIDUALS) if key in table}
     band = table.get("band")
     if band is not None:

@@ -114,7 +114,9 @@ class SpindleModes:
         h, slope = machine.derivatives(frequency_hz, addresses, response=response, excitation=excitation)
         count = len(self.addresses)
         root = self.part.error_root(np.asarray(frequency_hz))
-        errors = np.zeros((h.size, 3)) if root is None else np.einsum("nij,ni->nj", root, slope[..., count:])
+        errors = np.zeros((h.size, 3), dtype=np.complex128)
+        if root is not None:
+            errors = np.einsum("nij,ni->nj", root, slope[..., count:])
         return h, slope[..., :count], errors
 
     def __repr__(self) -> str:
@@ -164,7 +166,8 @@ def fit_spindle(
     fit = identify(
         _coupled(observed, start), _unknowns(start, high), starts=1, tolerances=tuple(tolerances), threads=threads
     )
-    part = start.with_values({address: fit.values[f"{name}.{address}"] for address in start.addresses})
+    fitted = {address: f"{name}.{address}" for address in start.addresses}
+    part = start.with_values({own: fit.values[address] for own, address in fitted.items() if address in fit.values})
     discrepancy = _discrepancy(_coupled(observed, part), part)
     return SpindleModes(
         part=replace(part, band_hz=(low, high), discrepancy=discrepancy),
@@ -174,13 +177,19 @@ def fit_spindle(
 
 
 def _covariance(fit: Identification, part: ModalPart) -> NDArray[np.float64]:
-    """Return the covariance of the numbers of a part in SI units; errors of the blanks are among its causes."""
-    addresses = [f"{part.name}.{quantity}" for quantity in part.addresses]
-    order = [list(fit.values).index(address) for address in addresses]
-    scales = [fit.unknowns[index].scale for index in order]
-    values = np.array([fit.values[address] for address in addresses])
-    slope = np.where([scale == "log" for scale in scales], values * np.log(10.0), 1.0) * max(fit.rms / fit.noise_factor, 1.0)
-    return np.asarray(fit.covariance)[np.ix_(order, order)] * np.outer(slope, slope)
+    """Return the covariance of the numbers of a part in SI units, zero for those that are not fitted.
+
+    Errors of the blanks are among its causes.
+    """
+    order, names = list(fit.values), [f"{part.name}.{quantity}" for quantity in part.addresses]
+    rows = [i for i, name in enumerate(names) if name in fit.values]
+    columns = [order.index(names[i]) for i in rows]
+    values = np.array([fit.values[names[i]] for i in rows])
+    logarithmic = np.array([fit.unknowns[column].scale == "log" for column in columns])
+    slope = np.where(logarithmic, values * np.log(10.0), 1.0) * max(fit.rms / fit.noise_factor, 1.0)
+    result = np.zeros((len(names), len(names)))
+    result[np.ix_(rows, rows)] = np.asarray(fit.covariance)[np.ix_(columns, columns)] * np.outer(slope, slope)
+    return result
 
 
 def mode_tolerances(part: ModalPart, covariance: ArrayLike) -> tuple[Tolerance, ...]:
@@ -364,8 +373,12 @@ def _unknowns(start: ModalPart, high_hz: float) -> list[Unknown]:
         if f <= high_hz:
             lower, upper = (1.0 - _FREQUENCY_CHANGE) * f, (1.0 + _FREQUENCY_CHANGE) * f
         result.append(Unknown(address=f"{address}.frequency_hz", lower=lower, upper=upper, start=f))
-        result.append(Unknown(address=f"{address}.damping_ratio", lower=1e-5, upper=0.6, start=mode.damping_ratio))
-        for quantity, value, bound in zip(names, shapes[index].tolist(), largest, strict=True):
+        inside = f <= high_hz
+        if inside:
+            result.append(Unknown(address=f"{address}.damping_ratio", lower=1e-5, upper=0.6, start=mode.damping_ratio))
+        # Lines below a mode do not determine its damping, nor what that couples.
+        count = len(names) if inside else 2
+        for quantity, value, bound in zip(names[:count], shapes[index].tolist(), largest, strict=False):
             result.append(Unknown(address=f"{address}.{quantity}", lower=-bound, upper=bound, start=value))
     # The bounds are ten times the sum of the modes at the end of the band.
     w = 2.0 * np.pi * high_hz

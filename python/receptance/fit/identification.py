@@ -287,7 +287,7 @@ def conclude(
 ) -> Identification:
     """Return the result of the best run."""
     variables, observed = problem.variables, task.observed
-    weighted = "standard deviations" in task.units
+    weighted, bounded = "standard deviations" in task.units, has_spindle_errors(observed)
     count = len(variables.unknowns)
     best = min(runs, key=lambda run: run.cost)
     inverse, correlation = covariance_of(problem.curvature_root(best.variables))
@@ -327,7 +327,8 @@ def conclude(
         rejection=tuple(rejection),
         advice=[
             *rejection,
-            *(_overfit_advice(parts, task.independent_values, count) if weighted else ()),
+            # Beside the errors of a spindle, which are an upper bound, residuals are smaller than expected.
+            *(_overfit_advice(parts, task.independent_values, count) if weighted and not bounded else ()),
             *_start_advice(runs, same, elsewhere),
             *bounds,
             *_covariance_advice(inverse, correlation, variables.names),

@@ -296,14 +296,14 @@ class PredictedAssembly:
         """
         linear = linear or self.linear(frequency_hz, response, excitation, force)
         options = self._options(response, excitation, force)
-        vectors = self.assemblies(draws, seed) if draws else []
-        assemblies = [assembly for assembly in vectors if assembly is not None]
-        if 2 * len(assemblies) < draws:
-            raise ReceptanceError(f"only {len(assemblies)} of {draws} vectors drawn from the posterior have a model")
-        drawn = np.array([assembly.receptance(frequency_hz, **options) for assembly in assemblies], np.complex128)
-        drawn = drawn.reshape(-1, linear.receptance.size)
-        if linear.spindle_errors.any():
-            drawn = drawn + linear.drawn_errors(len(drawn), seed)
+
+        def receptance(assembly: Assembly) -> NDArray[np.complex128]:
+            return assembly.receptance(frequency_hz, **options)
+
+        several = [one for one in self.drawn_receptances(receptance, linear, draws, seed) if one is not None]
+        if 2 * len(several) < draws:
+            raise ReceptanceError(f"only {len(several)} of {draws} vectors drawn from the posterior have a model")
+        drawn = np.array(several, np.complex128).reshape(-1, linear.receptance.size)
         log_slope = linear.slope / linear.receptance[:, None]
         log_deviation = np.sqrt(linear.variance) / np.abs(linear.receptance)
         return PredictedFRF(
@@ -410,6 +410,16 @@ class PredictedAssembly:
             except (ValueError, ReceptanceError):  # waves too short for an absurd length, say
                 drawn.append(None)
         return drawn
+
+    def drawn_receptances(
+        self, receptance: Callable[[Assembly], NDArray[np.complex128]], linear: LinearFRF, count: int, seed: int
+    ) -> list[NDArray[np.complex128] | None]:
+        """Return a receptance of each drawn assembly with drawn errors of its spindle; None without a model."""
+        drawn = self.draw(receptance, count, seed) if count else []
+        if not linear.spindle_errors.any():
+            return drawn
+        errors = linear.drawn_errors(count, seed)
+        return [None if h is None else h + error for h, error in zip(drawn, errors, strict=True)]
 
 
 class PredictedData:

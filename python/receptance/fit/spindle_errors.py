@@ -71,8 +71,9 @@ def with_spindle_errors(
         return tuple(observations), ()
     sums: dict[int, NDArray[np.float64]] = {}
     for number in range(len(parts)):
-        members = [(groups, deviation) for at, groups, deviation in found.values() if at == number]
-        sums[number] = np.bincount(*map(np.concatenate, zip(*members, strict=True)))
+        members = [(numbers, deviation) for at, numbers, deviation in found.values() if at == number]
+        groups, deviations = (np.concatenate(column) for column in zip(*members, strict=True))
+        sums[number] = np.bincount(groups, weights=deviations).astype(np.float64)
     shares: list[NDArray[np.float64]] = []
 
     def widened(i: int, observation: Observation) -> Observation:
@@ -88,7 +89,9 @@ def with_spindle_errors(
     names = ", ".join(dict.fromkeys(part.name or part.role for part in parts))
     share, count = float(np.median(np.concatenate(shares))), len(found)
     records = "record" if count == 1 else "records"
-    note = f"the variance of {count} {records} includes the errors of {names}, {percent(share)} of it on the median line"
+    note = (
+        f"the variance of {count} {records} includes the errors of {names}, {percent(share)} of it on the median line"
+    )
     if count > 1:
         note += "; the records share them, so on each line they have the information of one measurement"
     return result, (note,)

@@ -72,6 +72,11 @@ class Terminal(Element, ABC):
     def entries(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
 
+    @property
+    @abstractmethod
+    def edges_hz(self) -> tuple[float, float]:
+        """Lowest and highest frequency at which the part is known; infinite for modes without a band."""
+
     independent_lines: ClassVar[bool]
     """Whether the errors of `error_root` are independent between lines; if not, all lines share them."""
 
@@ -85,7 +90,7 @@ class Terminal(Element, ABC):
 
     @abstractmethod
     def error_groups(self, lines_hz: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Return a number for each line `(n,)`; the errors of `error_root` are those of one draw in lines of one number.
+        """Return a number for each line `(n,)`; lines of one number share one draw of the errors of `error_root`.
 
         Errors of modes are smooth: they are one draw over a quarter in the logarithm of frequency.
         """
@@ -211,6 +216,24 @@ class MeasuredPart(Terminal):
             result[~same] = _spline(self.frequency_hz, self._table, real[~same])
         return result
 
+    @property
+    def edges_hz(self) -> tuple[float, float]:
+        """First and last line of the table."""
+        return float(self.frequency_hz[0]), float(self.frequency_hz[-1])
+
+    @cached_property
+    def gaps_hz(self) -> tuple[tuple[float, float], ...]:
+        """Intervals between lines that are much wider than those around, without a value inside."""
+        lines = self.frequency_hz
+        wide = np.flatnonzero(np.diff(lines) > _GAP * self._usual_spacing)
+        return tuple((float(lines[i]), float(lines[i + 1])) for i in wide)
+
+    @cached_property
+    def _usual_spacing(self) -> NDArray[np.float64]:
+        """Median spacing around each interval of the table."""
+        spacing, n = np.diff(self.frequency_hz), _NEIGHBOURS
+        return np.array([np.median(spacing[max(i - n, 0) : i + n + 1]) for i in range(spacing.size)])
+
     @cached_property
     def _root(self) -> NDArray[np.complex128] | None:
         """The root of the covariance on the lines of the table, `(n, 3, 3)`."""
@@ -253,11 +276,9 @@ class MeasuredPart(Terminal):
         if lines.size < _MIN_LINES:
             return np.full(lines_hz.size, _FEW), np.zeros(lines_hz.size)
         after = _after(lines, lines_hz)
-        spacing, n = np.diff(lines), _NEIGHBOURS
-        usual = np.array([np.median(spacing[max(i - n, 0) : i + n + 1]) for i in range(spacing.size)])
         error = self._error
         worst = np.max(np.maximum(error[after - 1], error[after]), axis=1)
-        gap = (spacing > _GAP * usual)[after - 1]
+        gap = (np.diff(lines) > _GAP * self._usual_spacing)[after - 1]
         return np.where(gap, _IN_GAP, np.where(worst > _MAX_ERROR, _INEXACT, 0)), worst
 
     def _check_between(self, owner: str, lines_hz: NDArray[np.float64]) -> None:
@@ -479,6 +500,11 @@ class ModalPart(Terminal):
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
         self.check_band(lines)
         return modal_entries(self.modes, lines) + self._residual()
+
+    @property
+    def edges_hz(self) -> tuple[float, float]:
+        """The band."""
+        return self.band_hz or (0.0, np.inf)
 
     def error_root(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128] | None:
         """Return the discrepancy times the magnitudes of the entries, `(n, 3, 3)` diagonal; None without one.
