@@ -76,7 +76,8 @@ set = { "tool.segment[0].length" = "75 mm" }
 "joint.c_theta" = { lower = "0.001 N m s/rad", upper = "10 N m s/rad" }
 
 [settings]
-starts = 3
+starts = 1
+profiles = false
 
 [stability]
 speeds = ["4000 rpm", "16000 rpm"]

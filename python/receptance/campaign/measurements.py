@@ -361,8 +361,8 @@ def restrict_to_spindle(frf: FRF, assembly: Assembly) -> FRF:
     if not count:
         raise ValueError(
             f"has {of} usable lines from {measured[0]:g} to {measured[-1]:g} Hz, and the spindle {source} is known on "
-            f"none of them, from {edges[0]:g} to {edges[1]:g} Hz; expected lines of the spindle's file, or its modes: "
-            "`receptance spindle CAMPAIGN --modes auto`"
+            f"none of them, from {edges[0]:g} to {edges[1]:g} Hz; expected records of blank and tool on the same "
+            "lines, or modes of the spindle in this band: `receptance spindle CAMPAIGN --modes auto`"
         )
     note = f"{count} of {of} usable lines are used; on the others the spindle {source} is not known"
     return frf.with_(usable=used, notes=(*frf.notes, note))

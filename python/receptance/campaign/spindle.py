@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +16,7 @@ from receptance.campaign.problems import errors_about
 from receptance.coupling import SpindleModes, SpindleReceptance, fit_spindle, identify_spindle
 from receptance.coupling.line_bands import LineBand, bands_of
 from receptance.coupling.spindle_files import TABLE
+from receptance.errors import ReceptanceWarning
 from receptance.fit import Observation, Tolerance
 from receptance.fit.parameters import Site
 from receptance.fit.prediction import DECIBEL
@@ -241,7 +243,13 @@ def spindle_of_campaign(
     errors = campaign.errors_of(used)
     campaign.progress(f"solving for {title} line by line")
     with errors_about(campaign.file, f"spindles.{title}: "):
-        found = identify_spindle(list(used.values()), limit=limit, tolerances=errors, threads=campaign.threads)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ReceptanceWarning)
+            found = identify_spindle(
+                list(used.values()), limit=limit, tolerances=errors, allow_mismatch=True, threads=campaign.threads
+            )
+        if found.mismatch:
+            raise ValueError(found.mismatch)
         fitted = None
         if as_modes:
             campaign.progress(f"fitting modes of {title}")

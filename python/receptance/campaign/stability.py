@@ -136,6 +136,14 @@ class Tips:
         drawn, good = self._drawn(_MeasuredTip.drawn_modes, self._modes_of)
         return [self._joined(list(each)) for each in zip(*drawn, strict=True)], good
 
+    def require_modes(self) -> None:
+        """Raise unless the modes of every tip can be computed."""
+        for spindle in self._spindles:
+            raise ValueError(
+                f"the spindle {spindle.name} is given as data, and semi-discretisation needs the modes of a tip, which "
+                'are those of beams or of a measured tip; expected `method = "mean force"` under [stability]'
+            )
+
     def _drawn(
         self, measured: Callable[[_MeasuredTip], Sequence[_Value]], predicted: Callable[[Assembly], _Value]
     ) -> tuple[list[list[_Value]], NDArray[np.bool_]]:
@@ -302,6 +310,7 @@ def _lobes(campaign: CampaignData, cut: CampaignCut, tips: Tips, speeds: NDArray
         )
     else:
         assert isinstance(cut.cut, Milling)
+        tips.require_modes()
         most = settings.largest_depth
         if most is None:
             most = _SEARCH_RATIO * float(critical_depths(cut.cut, tips.lines, receptance)[0].min())

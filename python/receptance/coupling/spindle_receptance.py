@@ -56,6 +56,8 @@ class SpindleReceptance(Result):
     NaN for three responses."""
     labels: tuple[str, ...]
     """Labels of the measurements."""
+    mismatch: str = ""
+    """Why the blanks contradict their responses; empty if they do not."""
     notes: tuple[str, ...] = field(default=())
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
@@ -261,12 +263,13 @@ def identify_spindle(
     if dropped:
         notes.append(f"{dropped} lines are omitted because not all measurements have them")
     notes += spindle.notes
-    if reason := _mismatch(spindle, equations):
+    reason = _mismatch(spindle, equations)
+    if reason:
         if not allow_mismatch:
             raise ValueError(f"{reason}; allow_mismatch=True turns this error into a warning")
         warn_user(reason)
         notes.append(reason)
-    return replace(spindle, notes=tuple(dict.fromkeys(notes)))
+    return replace(spindle, mismatch=reason, notes=tuple(dict.fromkeys(notes)))
 
 
 def _moved_by_errors(
@@ -282,13 +285,13 @@ def _moved_by_errors(
 
     The spindle is the same; half the difference of both signs of the error.
     """
-    result = np.zeros((*equations.measured.shape, len(errors)), dtype=np.complex128)
-    if not errors:
-        return result
     sites = [observation.site(index) for index, observation in enumerate(observed)]
-    maps = Parameters((), errors, sites).of(sites)
+    parameters = Parameters((), errors, sites)
+    # Tolerances of one name are one error.
+    count, maps = len(parameters.errors), parameters.of(sites)
+    result = np.zeros((*equations.measured.shape, count), dtype=np.complex128)
     with np.errstate(all="ignore"):
-        for column, unit in enumerate(np.eye(len(errors))):
+        for column, unit in enumerate(np.eye(count)):
             sides = []
             for sign in (1.0, -1.0):
                 pairs = zip(observed, maps, strict=True)
