@@ -233,7 +233,10 @@ def mode_tolerances(part: ModalPart, covariance: ArrayLike) -> tuple[Tolerance, 
         )
     if not np.isfinite(matrix).all():
         raise ValueError(f"{owner}: covariance has a number that is not finite")
-    deviation = np.sqrt(np.diag(matrix).clip(0.0))
+    if (np.diag(matrix) < 0.0).any():
+        address = part.addresses[int(np.argmin(np.diag(matrix)))]
+        raise ValueError(f"{owner}: covariance has a negative variance of {address}, expected zero or more")
+    deviation = np.sqrt(np.diag(matrix))
     exact = deviation == 0.0
     scale = np.where(exact, 1.0, deviation)
     correlation = matrix / np.outer(scale, scale)

@@ -575,8 +575,9 @@ def _negative_stiffness(spindle: SpindleReceptance) -> str:
     Below its modes a structure is a spring, above some of them also a mass, whose negative receptance falls as 1/f^2.
     """
     lines, rows = np.asarray(spindle.frequency_hz).real, np.flatnonzero(spindle.usable)
-    rows = rows[lines[rows] <= _LOWEST * lines[rows[0]]]
-    if rows.size < _FEWEST_LOWEST:
+    lowest = rows[lines[rows] <= _LOWEST * lines[rows[0]]]
+    rows = lowest if lowest.size >= _FEWEST_LOWEST else rows[:_FEWEST_LOWEST]
+    if rows.size < _FEWEST_LOWEST or lines[rows[-1]] > 2.0 * _LOWEST * lines[rows[0]]:
         return ""
     real, covariance = spindle.matrix[rows].real, spindle.covariance[rows]
     middle = np.median(real, axis=0)
