@@ -105,7 +105,7 @@ def example(
         console.print(f"Written: {file}", soft_wrap=True)
     if len(files) > _MOST_FILES:
         console.print(f"Written: {len(files) - _MOST_FILES} more files in {target}", soft_wrap=True)
-    console.print(f"Next: receptance identify {files[0]}", soft_wrap=True)
+    console.print(f"Next: receptance {examples.EXAMPLES[name].first_command} {files[0]}", soft_wrap=True)
 
 
 @takes_targets("if identify or diagnose cannot run, or something is missing")
