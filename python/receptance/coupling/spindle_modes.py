@@ -376,12 +376,10 @@ def _unknowns(start: ModalPart, high_hz: float) -> list[Unknown]:
         if f <= high_hz:
             lower, upper = (1.0 - _FREQUENCY_CHANGE) * f, (1.0 + _FREQUENCY_CHANGE) * f
         result.append(Unknown(address=f"{address}.frequency_hz", lower=lower, upper=upper, start=f))
-        inside = f <= high_hz
-        if inside:
+        if f <= high_hz:
+            # The damping of the mode above the band is held: below it its effect is that of the imaginary shape.
             result.append(Unknown(address=f"{address}.damping_ratio", lower=1e-5, upper=0.6, start=mode.damping_ratio))
-        # Lines below a mode do not determine its damping, nor what that couples.
-        count = len(names) if inside else 2
-        for quantity, value, bound in zip(names[:count], shapes[index].tolist(), largest, strict=False):
+        for quantity, value, bound in zip(names, shapes[index].tolist(), largest, strict=True):
             result.append(Unknown(address=f"{address}.{quantity}", lower=-bound, upper=bound, start=value))
     # The bounds are ten times the sum of the modes at the end of the band.
     w = 2.0 * np.pi * high_hz
