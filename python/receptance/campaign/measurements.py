@@ -96,6 +96,7 @@ class MeasurementReader:
                     partial(make, path, _lines, table),
                 )
             )
+            lines = self._known_lines(path, lines, assembly)
             observation = make(
                 path,
                 Observation,
@@ -108,6 +109,22 @@ class MeasurementReader:
             )
         errors = self._errors(table.assembly, table.sensor)
         return make(path, Candidate, observation=observation, tolerances=errors, cost=table.cost)
+
+    def _known_lines(self, path: KeyPath, lines: NDArray[np.float64], assembly: Assembly) -> NDArray[np.float64]:
+        """Return the lines of a candidate on which the spindle of its assembly is known."""
+        *_, end = assembly.elements.values()
+        if not isinstance(end, Terminal):
+            return lines
+        known = end.covers(lines)
+        if not known.any():
+            low, high = end.edges_hz
+            self.builder.fail(
+                path, f"has no line on which {end.name} is known, expected some from {low:g} to {high:g} Hz"
+            )
+        if not known.all():
+            text = f"{np.count_nonzero(known)} of {lines.size} lines are used; on the others {end.name} is not known"
+            self.builder.note(path, text)
+        return lines[known]
 
     def _conditions(self, table: MeasurementTable | CandidateTable) -> dict[str, float]:
         """Return the conditions of an assembly with those of a measurement."""

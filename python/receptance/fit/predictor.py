@@ -479,9 +479,9 @@ class PredictedData:
         """Return the residuals of each observation in standard deviations at the end of a fit."""
         return [part.copy() for part in self._problem.parts(self._problem.residual(end.x))]
 
-    def assemblies(self, end: End) -> list[Assembly]:
-        """Return the assembly of each observation at the end of a fit."""
-        values = self.variables.to_values(end.x)
+    def assemblies(self, x: NDArray[np.float64]) -> list[Assembly]:
+        """Return the assembly of each observation at values of the variables."""
+        values = self.variables.to_values(x)
         pairs = zip(self._observations, self._mappings, strict=True)
         return [mapping.apply(observation.assembly, values) for observation, mapping in pairs]
 
