@@ -13,10 +13,20 @@ import pytest
 
 from command_line import call, left
 from machine_spindle import make_spindle, with_spindle
-from receptance import Coordinate, MeasuredPart, ModalPart, campaign, io
+from receptance import Assembly, Coordinate, MeasuredPart, ModalPart, PointMass, campaign, io
 from receptance.campaign import CampaignError
 from receptance.coupling import SpindleModes, read_spindle, write_spindle
-from spindle_campaign import CAMPAIGN, GAUGE, LINES, TRUE, campaign_text, measured, write_campaign
+from spindle_campaign import (
+    CAMPAIGN,
+    GAUGE,
+    LINES,
+    TOOL_RECORDS,
+    TRUE,
+    campaign_text,
+    measured,
+    tool_on_machine,
+    write_campaign,
+)
 
 SEED = 4
 COARSE = LINES[::2]
@@ -291,3 +301,55 @@ def test_a_limit_beside_a_gap_is_rejected(ready: Path, tmp_path: Path) -> None:
     text = campaign_text(CAMPAIGN.replace('x = { assembly = "tool" }', 'x = { assembly = "longer" }'))
     (folder / "campaign.toml").write_text(text, encoding="utf-8")
     assert any("is not known between" in text for text in campaign.load(folder).stability().rejection)
+
+
+CANDIDATE = """
+[candidates.longer]
+kind = "frf"
+assembly = "longer"
+lower = "100 Hz"
+upper = "3 kHz"
+step = "20 Hz"
+standard_deviation = "0.2 %"
+"""
+
+
+def test_a_candidate_is_limited_by_the_spindle(ready: Path, tmp_path: Path) -> None:
+    """Of an exact table the same candidate would tell more."""
+    folder = copied(ready, tmp_path, CAMPAIGN + CANDIDATE)
+    loaded = campaign.load(folder)
+    assert any("of 146 lines are used; on the others spindle is not known" in note for note in loaded.notes)
+    fit = loaded.identify()
+    stated = loaded.next_measurement(fit, targets=["joint.k_theta"])
+    table = read_spindle(folder / "spindle.npz")
+    assert isinstance(table, MeasuredPart)
+    write_spindle(folder / "spindle.npz", replace(table, covariance=None))
+    exact = campaign.load(folder).next_measurement(fit, targets=["joint.k_theta"])
+    shares = [found.ranking[0].shrink for found in (stated, exact)]
+    assert shares[0] > 1.1 * shares[1]
+
+
+@pytest.mark.slow
+def test_a_cause_is_named_and_written_beside_a_measured_spindle(tmp_path: Path) -> None:
+    """A sensor of 3 g on the tool that the campaign does not state."""
+    print(f"seed {SEED}")
+    sparse = LINES[::4]
+    write_campaign(tmp_path, sd=0.002, seed=SEED, lines=sparse)
+    rng = np.random.default_rng(SEED)
+    for name, sides in TOOL_RECORDS.items():
+        one, other = (Coordinate(*side) for side in sides)
+        bare = tool_on_machine()
+        sensor = PointMass(mass=3e-3, part=one.part, position=one.position, name="sensor")
+        loaded_with = Assembly(bare.elements.values(), [*bare.attachments.values(), sensor])
+        io.write(tmp_path / f"{name}.csv", measured(loaded_with, one, other, 0.002, rng, sparse))
+    write_spindle(tmp_path / "spindle.npz", campaign.load(tmp_path, unidentified=True).spindle().identified)
+    loaded = campaign.load(tmp_path)
+    verdict = loaded.diagnose(["sensor_mass", "tool_density"], fast=True)
+    assert verdict.explanation is not None
+    (tmp_path / "extended").mkdir()
+    again = campaign.load(campaign.write_extended(loaded, verdict, tmp_path / "extended" / "campaign.toml"))
+    assert again.table.spindles["spindle"].file == "../spindle.npz"
+    assert again.table.assemblies["gauge"].chain == ["gauge", "spindle"]
+    fit = again.identify()
+    low, high = fit.interval("joint.k_theta", 0.999)
+    assert low < TRUE["joint.k_theta"] < high

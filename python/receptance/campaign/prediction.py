@@ -368,8 +368,8 @@ def spindle_lines(campaign: CampaignData, spindle: Terminal, steps: int) -> NDAr
     if not lines.size:
         raise campaign.error(
             f"predictions are from {settings.lower or 0.0:g} to {settings.upper or high:g} Hz, and the spindle "
-            f"{_source(spindle)} is known from {low:g} to {high:g} Hz, on none of their lines; expected other limits, "
-            "or no `step`, in `prediction`"
+            f"{source_of(spindle)} is known from {low:g} to {high:g} Hz, on none of their lines; expected other "
+            "limits, or no `step`, in `prediction`"
         )
     return lines
 
@@ -382,12 +382,13 @@ def beyond_spindle(campaign: CampaignData, spindle: Terminal) -> list[str]:
     if not over and not under:
         return []
     return [
-        f"predictions with the spindle {_source(spindle)} are from {low:g} to {high:g} Hz, where it is known, although "
-        "`prediction` has wider limits"
+        f"predictions with the spindle {source_of(spindle)} are from {low:g} to {high:g} Hz, where it is known, "
+        "although `prediction` has wider limits"
     ]
 
 
-def _source(spindle: Terminal) -> str:
+def source_of(spindle: Terminal) -> str:
+    """Return the file of a table, else the name of the spindle, for messages."""
     return (isinstance(spindle, MeasuredPart) and spindle.source) or spindle.name
 
 

@@ -16,7 +16,7 @@ from receptance._text import did_you_mean
 from receptance.campaign.cuts import CampaignCut, Tip
 from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import identify_campaign
-from receptance.campaign.prediction import beyond_spindle, predict_assembly, prediction_lines
+from receptance.campaign.prediction import beyond_spindle, predict_assembly, prediction_lines, source_of
 from receptance.campaign.problems import errors_about
 from receptance.diagnosis import HeldOut, Metric
 from receptance.fit import Identification, Observation
@@ -72,7 +72,7 @@ class Tips:
             self.notes += beyond_spindle(campaign, spindle)
             self.lines = self.lines[spindle.covers(self.lines)]
             if not self.lines.size:
-                raise ValueError(f"the spindle {spindle.name} is known on none of the lines of the other tip")
+                raise ValueError(f"the spindle {source_of(spindle)} is known on none of the lines of the other tip")
         self._draws, self._seed = campaign.table.stability.number_of_draws, campaign.table.stability.seed
         self._threads = campaign.threads
         self._sources: list[PredictedAssembly | _MeasuredTip] = []
@@ -114,8 +114,8 @@ class Tips:
             size = np.abs(np.einsum("nii->ni", receptance))
             if edges and np.any(size[edges].max(axis=0) > _BESIDE_GAP * size.max(axis=0)):
                 texts.append(
-                    f"the spindle {spindle.name} is not known between {low:g} and {high:g} Hz, beside the largest "
-                    "response of the tip: a lower limit may lie there. Identify its modes, "
+                    f"the spindle {source_of(spindle)} is not known between {low:g} and {high:g} Hz, beside the "
+                    "largest response of the tip: a lower limit may lie there. Identify its modes, "
                     "`receptance spindle CAMPAIGN --modes auto`"
                 )
         lost = sum(high - low for _, (low, high) in gaps)
@@ -140,8 +140,8 @@ class Tips:
         """Raise unless the modes of every tip can be computed."""
         for spindle in self._spindles:
             raise ValueError(
-                f"the spindle {spindle.name} is given as data, and semi-discretisation needs the modes of a tip, which "
-                'are those of beams or of a measured tip; expected `method = "mean force"` under [stability]'
+                f"the spindle {source_of(spindle)} is given as data, and semi-discretisation needs the modes of a tip, "
+                'which are those of beams or of a measured tip; expected `method = "mean force"` under [stability]'
             )
 
     def _drawn(

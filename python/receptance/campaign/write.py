@@ -28,6 +28,7 @@ from receptance.diagnosis.model import Model
 from receptance.diagnosis.wording import title_of
 from receptance.errors import ReceptanceWarning
 from receptance.fit.observation import Observation, altered
+from receptance.fit.spindle_errors import has_spindle_errors
 from receptance.fit.unknowns import Law, Move, Tolerance, Unknown, covered
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Material, Part
@@ -487,10 +488,12 @@ def _rebase_files(data: dict[str, Any], before: Path, after: Path) -> None:
 def _on_diagnosed_lines(model: Model, diagnosed: Model, *, with_discrepancy: bool) -> Model:
     """Return the written model on the lines of the diagnosis, which leaves out noisy ones.
 
-    A discrepancy enlarges the standard deviations of the diagnosis; a campaign file does not describe it.
+    A discrepancy and errors of a spindle enlarge the standard deviations of the diagnosis; a campaign file does not
+    describe the first, and every fit adds the others.
     """
     seen = {observation.label: observation for observation in diagnosed.observations}
-    fields = ("standard_deviation", "correlated_lines", "standard_deviation_damping") if with_discrepancy else ()
+    enlarged = with_discrepancy or has_spindle_errors(model.observations)
+    fields = ("standard_deviation", "correlated_lines", "standard_deviation_damping") if enlarged else ()
     kept: list[Observation] = []
     for observation in model.observations:
         if (other := seen.get(observation.label)) is None:
