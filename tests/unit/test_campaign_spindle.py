@@ -13,7 +13,7 @@ import pytest
 
 from command_line import call, left
 from machine_spindle import make_spindle, with_spindle
-from receptance import Assembly, Coordinate, MeasuredPart, ModalPart, PointMass, campaign, io
+from receptance import Assembly, Coordinate, MeasuredPart, ModalPart, Mode, PointMass, campaign, io
 from receptance.campaign import CampaignError
 from receptance.coupling import SpindleModes, read_spindle, write_spindle
 from spindle_campaign import (
@@ -353,3 +353,22 @@ def test_a_cause_is_named_and_written_beside_a_measured_spindle(tmp_path: Path) 
     fit = again.identify()
     low, high = fit.interval("joint.k_theta", 0.999)
     assert low < TRUE["joint.k_theta"] < high
+
+
+def test_rejected_modes_are_not_written(
+    ready: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    folder = copied(ready, tmp_path, CAMPAIGN.replace("spindle.npz", "spindle.toml"))
+    monkeypatch.chdir(folder)
+    rejected = replace(campaign.load(ready).identify(), rejection=("the fit has not converged",))
+    mode = Mode(frequency_hz=1200.0, damping_ratio=0.05, y=0.5, theta=-3.0)
+    part = ModalPart(modes=[mode], name="spindle")
+    modes = SpindleModes(part=part, covariance=np.eye(len(part.addresses)), identification=rejected)
+    monkeypatch.setattr("receptance.campaign.spindle.fit_spindle", lambda *_, **__: modes)
+    before = left()
+    assert call("spindle", ".", "--modes", "1", "--strict", "--json", "s.json") == 3
+    assert left() - before == {"s.json"}
+    assert json.loads(Path("s.json").read_text())["rejected"] == ["the fit has not converged"]
+    output = capsys.readouterr().out
+    assert "spindle.toml was not written: the fit of the modes is rejected" in output
+    assert "Spindle: spindle.toml" not in output

@@ -198,7 +198,7 @@ def draw_series(levels: LevelSeries, ax: Axes | None = None) -> Figure:
 
 def draw_spindle_identification(found: SpindleIdentification, ax: Axes | None = None) -> Figure:
     """Draw the terms of a spindle with bands and usable lines, its modes over them, and the condition number."""
-    return draw_spindle(found.table, ax, modes=found.modes)
+    return draw_spindle(found.table, ax, modes=found.modes, rejection=found.rejection)
 
 
 def draw_comparison(comparison: Comparison, ax: Axes | None = None) -> Figure:

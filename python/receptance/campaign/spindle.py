@@ -165,6 +165,11 @@ class SpindleIdentification(Result):
             )
         return found
 
+    @property
+    def rejection(self) -> tuple[str, ...]:
+        """Why the modes must not be used; empty without modes."""
+        return () if self.modes is None or self.modes.identification is None else self.modes.identification.rejection
+
     def warnings(self) -> list[str]:
         """Return what limits the result, and what to do."""
         found = []

@@ -12,7 +12,7 @@ from receptance.cli.campaigns import CampaignFile, protect_files, run_on_campaig
 from receptance.cli.running import InputError, Targets, input_errors, takes_targets
 
 
-@takes_targets("if there is advice")
+@takes_targets("if there is advice, or the modes are rejected")
 def spindle(
     file: CampaignFile,
     targets: Targets,
@@ -65,10 +65,15 @@ def spindle(
         return target, read.spindle(chosen, modes=count, limit=limit / 100.0)
 
     _, (target, found) = run_on_campaign(file, targets, work, unidentified=True)
-    with input_errors():
-        content = coupling.spindle_files.spindle_bytes(found.identified, target.suffix)
-    targets.show(found, more={target: content})
-    targets.require(not found.warnings())
+    if found.rejection:
+        targets.leave_out(target)
+        targets.show(found)
+        targets.console().print(f"{target} was not written: the fit of the modes is rejected", soft_wrap=True)
+    else:
+        with input_errors():
+            content = coupling.spindle_files.spindle_bytes(found.identified, target.suffix)
+        targets.show(found, more={target: content})
+    targets.require(not found.warnings() and not found.rejection)
 
 
 def _count(modes: str | None) -> int | Literal["auto"] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -124,7 +125,13 @@ def _draw_condition(axes: Axes, lines: NDArray[np.float64], condition: NDArray[n
     axes.set_xlim(lines[0], lines[-1])
 
 
-def draw_spindle(spindle: SpindleReceptance, ax: Axes | None = None, *, modes: SpindleModes | None = None) -> Figure:
+def draw_spindle(
+    spindle: SpindleReceptance,
+    ax: Axes | None = None,
+    *,
+    modes: SpindleModes | None = None,
+    rejection: Sequence[str] = (),
+) -> Figure:
     """Draw the three terms with bands, modes over them, and the condition number."""
     figure = surface(ax, 11.0, 8.5)
     text = (
@@ -152,7 +159,7 @@ def draw_spindle(spindle: SpindleReceptance, ax: Axes | None = None, *, modes: S
             axes.semilogy(fine, np.abs(modes.part.receptance(fine)[:, i, j]), color=COLOURS[1], linewidth=1.2)
         axes.set_xlim(lines[0], lines[-1])
     _draw_condition(figure.add_subplot(grid[1, 1]), lines, spindle.condition)
-    return finished(figure)
+    return finished(figure, rejection)
 
 
 def draw_force_series(series: ForceSeries, ax: Axes | None = None) -> Figure:

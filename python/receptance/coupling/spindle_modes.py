@@ -163,9 +163,17 @@ def fit_spindle(
     check_blanks(observed)
     start = _start(spindle, modes, name=name)
     low, high = (float(np.asarray(spindle.frequency_hz).real[i]) for i in (0, -1))
-    fit = identify(
-        _coupled(observed, start), _unknowns(start, high), starts=1, tolerances=tuple(tolerances), threads=threads
-    )
+    coupled, errors = _coupled(observed, start), tuple(tolerances)
+    unknowns = _unknowns(start, high)
+    fit = identify(coupled, unknowns, starts=1, tolerances=errors, threads=threads)
+    if fit.rejection:
+        # Modes with real shapes first: a complex one may leave its peak and become a background of all lines.
+        real = [unknown for unknown in unknowns if not unknown.address.endswith("_imaginary")]
+        first = identify(_coupled(observed, _with_real_shapes(start)), real, starts=1, threads=threads)
+        values = {unknown.address: first.values.get(unknown.address, 0.0) for unknown in unknowns}
+        started = [replace(unknown, start=values[unknown.address]) for unknown in unknowns]
+        again = identify(coupled, started, starts=1, tolerances=errors, threads=threads)
+        fit = min(fit, again, key=lambda each: each.rms)
     fitted = {address: f"{name}.{address}" for address in start.addresses}
     part = start.with_values({own: fit.values[address] for own, address in fitted.items() if address in fit.values})
     discrepancy = _discrepancy(_coupled(observed, part), part)
@@ -174,6 +182,11 @@ def fit_spindle(
         covariance=_covariance(fit, part),
         identification=fit,
     )
+
+
+def _with_real_shapes(part: ModalPart) -> ModalPart:
+    modes = [replace(mode, y_imaginary=0.0, theta_imaginary=0.0) for mode in part.modes]
+    return replace(part, modes=tuple(modes))
 
 
 def _covariance(fit: Identification, part: ModalPart) -> NDArray[np.float64]:
