@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +92,33 @@ def test_mistakes_in_a_file_of_modes(tmp_path: Path, old: str, new: str, message
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(ValueError, match=rf"s\.toml: .*({message})"):
         read_spindle(path)
+
+
+def test_damaged_files_of_modes(tmp_path: Path) -> None:
+    """Wrong bytes, lost ends and other values raise a ValueError with the name of the file, or the file is read."""
+    path, seed = tmp_path / "damaged.toml", 3
+    print(f"seed {seed}")
+    write_spindle(path, modes(1))
+    whole, rng = path.read_bytes(), np.random.default_rng(seed)
+    values = [match.span() for match in re.finditer(rb"[^\s\[\],=\"]+", whole)]
+    others = [b"1e999", b"nan", b"-1", b"9" * 400, b"[", b'"', b"true", b"1e308", b"{}", b"1979-05-27"]
+    messages = []
+    for number in range(300):
+        damaged = bytearray(whole)
+        if number % 3 == 0:
+            damaged[rng.integers(0, len(whole))] = rng.integers(0, 256)
+        elif number % 3 == 1:
+            del damaged[rng.integers(0, len(whole)) :]
+        else:
+            first, last = values[rng.integers(0, len(values))]
+            damaged[first:last] = others[rng.integers(0, len(others))]
+        path.write_bytes(bytes(damaged))
+        try:
+            assert isinstance(read_spindle(path), SpindleModes)
+        except ValueError as error:
+            messages.append(str(error))
+    assert len(messages) > 200
+    assert all("damaged.toml" in message for message in messages)
 
 
 def test_an_frf_matrix_of_another_program(tmp_path: Path) -> None:

@@ -316,6 +316,10 @@ def _unmeasured(
     lines = prediction_lines(campaign, assembly)
     *_, end = assembly.elements.values()
     notes += beyond_spindle(campaign, end) if isinstance(end, Terminal) else []
+    if isinstance(end, MeasuredPart) and end.gaps_hz:
+        widest = max(end.gaps_hz, key=lambda gap: gap[1] - gap[0])
+        text = f"{name}: the spindle {source_of(end)} is not known in {len(end.gaps_hz)} gaps of its lines, the widest"
+        notes.append(f"{text} from {widest[0]:g} to {widest[1]:g} Hz; a peak in one of them is not predicted")
     frequencies = None
     if not assembly.countable:
         notes.append(f"{name}: the spindle is given as data, so natural frequencies are not predicted, only the FRF")

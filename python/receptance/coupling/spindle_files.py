@@ -232,7 +232,10 @@ def _matrix(written: Any) -> NDArray[np.float64]:
     numbers = all(isinstance(row, list) and all(type(value) in (int, float) for value in row) for row in rows)
     if not rows or not numbers or any(len(row) != len(rows) for row in rows):
         raise ValueError("uncertainty.covariance is no square matrix of numbers, expected a list of equally long rows")
-    return np.array(rows, dtype=np.float64)
+    try:
+        return np.array(rows, dtype=np.float64)
+    except OverflowError:
+        raise ValueError("uncertainty.covariance has a whole number beyond the range of numbers") from None
 
 
 def spindle_of(frf: FRF, *, name: str = "") -> MeasuredPart:

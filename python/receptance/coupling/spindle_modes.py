@@ -252,7 +252,10 @@ def mode_tolerances(part: ModalPart, covariance: ArrayLike) -> tuple[Tolerance, 
     deviation = np.sqrt(np.diag(matrix))
     exact = deviation == 0.0
     scale = np.where(exact, 1.0, deviation)
-    correlation = matrix / np.outer(scale, scale)
+    with np.errstate(over="ignore"):
+        correlation = matrix / scale[:, None] / scale
+    if not np.isfinite(correlation).all():
+        raise ValueError(f"{owner}: covariance has an entry far above the variances of its row and column")
     if np.abs(correlation - correlation.T).max() > _SYMMETRIC:
         raise ValueError(f"{owner}: covariance is not symmetric")
     values, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
