@@ -90,13 +90,17 @@ def accelerance(beam: Beam, overhang_mm: float, sensor_g: float) -> NDArray[np.c
 
 
 def measured(
-    exact: NDArray[np.complex128], generator: np.random.Generator
+    exact: NDArray[np.complex128], generator: np.random.Generator, noise: float = NOISE, floor: float | None = None
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-    """Return the H1 estimate and the coherence of hits with noise in the response."""
-    scatter = np.sqrt((NOISE * np.abs(exact)) ** 2 + (FLOOR * np.abs(exact).max()) ** 2)
+    """Return the H1 estimate and the coherence of hits with noise in the response.
+
+    `noise` is relative to the FRF; `floor`, in the unit of the FRF, is by default `FLOOR` of its largest one.
+    """
+    constant = FLOOR * np.abs(exact).max() if floor is None else floor
+    scatter = np.sqrt((noise * np.abs(exact)) ** 2 + constant**2)
     shape = (AVERAGES, exact.size)
-    noise = (generator.standard_normal(shape) + 1j * generator.standard_normal(shape)) / np.sqrt(2.0) * scatter
-    hits = exact + noise
+    errors = (generator.standard_normal(shape) + 1j * generator.standard_normal(shape)) / np.sqrt(2.0) * scatter
+    hits = exact + errors
     mean = hits.mean(axis=0)
     return mean, np.abs(mean) ** 2 / np.mean(np.abs(hits) ** 2, axis=0)
 

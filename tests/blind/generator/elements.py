@@ -139,11 +139,16 @@ class Structure:
 
     def spring(self, a: int, b: int | None, stiffness: ComplexArray, damping: FloatArray | None = None) -> None:
         """Add a spring between two stations, or to ground; 2 x 2 over displacement and slope."""
-        ends = [2 * a, 2 * a + 1] if b is None else [2 * a, 2 * a + 1, 2 * b, 2 * b + 1]
         signs = np.array([[1.0]]) if b is None else np.array([[1.0, -1.0], [-1.0, 1.0]])
-        self._stiffness.append((np.array(ends), np.kron(signs, stiffness).astype(np.complex128)))
+        whole = None if damping is None else np.kron(signs, damping)
+        self.element((a,) if b is None else (a, b), np.kron(signs, stiffness), whole)
+
+    def element(self, stations: Sequence[int], stiffness: ComplexArray, damping: FloatArray | None = None) -> None:
+        """Add stiffness and damping over displacement and slope of stations."""
+        ends = np.array([2 * station + i for station in stations for i in (0, 1)])
+        self._stiffness.append((ends, stiffness.astype(np.complex128)))
         if damping is not None and np.any(damping):
-            self._dampers.append((np.array(ends), np.kron(signs, damping)))
+            self._dampers.append((ends, damping))
 
     def mass(self, station: int, mass: float, inertia: float = 0.0) -> None:
         """Add a mass to a station."""

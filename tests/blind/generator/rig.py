@@ -33,7 +33,7 @@ def _rings(p: Numbers, kind: str, outer: float, inner: float) -> list[Ring]:
     return [Ring(outer, inner, modulus, density, nu, loss, coefficient(outer, inner, nu) * p.get("shear.scale", 1.0))]
 
 
-class _Row:
+class Row:
     """Beams in a row, divided at attachments."""
 
     def __init__(self, structure: Structure, cuts: Sequence[float]) -> None:
@@ -44,6 +44,7 @@ class _Row:
         self.stations = {0.0: self.at}
 
     def go(self, length: float, rings: list[Ring]) -> None:
+        """Add a beam at the end."""
         end = self.x + length
         for cut in [c for c in self.cuts if self.x + 1e-9 < c < end - 1e-9]:
             self.at = self.structure.beam(self.at, cut - self.x, rings)
@@ -86,12 +87,12 @@ def build(p: Numbers, refinement: float = 1.0) -> tuple[Structure, int, int]:
     return s, tool[0.0], tool[p.get("hit.offset", 0.0)]
 
 
-def _tool(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> _Row:
+def _tool(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> Row:
     """Build the tool up to the mouth of the holder, with flutes, cone and crack."""
     overhang = p["tool.overhang"]
     crack = p.get("crack.place", 0.0) * overhang
     places = [p.get("hit.offset", 0.0), p.get("both.offset", 0.0), p.get("middle.place", 0.0) * overhang]
-    tool = _Row(s, [*places, *(overhang + middles)])
+    tool = Row(s, [*places, *(overhang + middles)])
     pieces = [(p["flute.length"], p["flute.ratio"])] if "flute.length" in p else []
     pieces.append((overhang - sum(length for length, _ in pieces), 1.0))
     if "tool.taper" in p:
@@ -112,11 +113,11 @@ def _tool(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> _Row:
     return tool
 
 
-def _holder(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> _Row:
+def _holder(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> Row:
     """Build the holder, the shank in its mouth as a core unless the joint is spread there, perhaps screwed together."""
     total = _holder_length(p)
     spread = p.get("spread.length", 0.0) if middles.size else 0.0
-    holder = _Row(s, [*middles, *(p[name] * total for name in ("ground.place", "rope.place") if name in p)])
+    holder = Row(s, [*middles, *(p[name] * total for name in ("ground.place", "rope.place") if name in p)])
     core = _rings(p, "tool", p["tool.diameter"], 0.0)
     for i in range(sections(p)):
         outer, inner, length = (p[f"holder.{i}.{name}"] for name in ("outer", "inner", "length"))
@@ -148,7 +149,7 @@ def holder_alone(s: Structure, p: Numbers) -> None:
     _holder(s, {name: p[name] for name in p if name.split(".")[0] in ("holder", "tool", "shear")}, np.empty(0))
 
 
-def _layer(s: Structure, p: Numbers, tool: _Row, holder: _Row, middles: NDArray[np.float64]) -> None:
+def _layer(s: Structure, p: Numbers, tool: Row, holder: Row, middles: NDArray[np.float64]) -> None:
     """Continue the tool as shank beside the bore, and hold the two together at points."""
     k, c = _joint(p)
     spread = p["spread.length"]
@@ -172,7 +173,7 @@ def _link(s: Structure, p: Numbers, tool_end: int, mouth: int) -> None:
     s.spring(collet, mouth, k / (1.0 - split), c / (1.0 - split))
 
 
-def _attach(s: Structure, p: Numbers, tool: _Row, holder: _Row) -> None:
+def _attach(s: Structure, p: Numbers, tool: Row, holder: Row) -> None:
     """Add masses, springs to ground and resonators."""
     total = _holder_length(p)
     masses = (
@@ -193,10 +194,11 @@ def _attach(s: Structure, p: Numbers, tool: _Row, holder: _Row) -> None:
         s.spring(holder[p["rope.place"] * total], None, *rope)
     for name, station in (("fixture", holder[total]), ("absorber", tool[0.0])):
         if f"{name}.mass" in p:
-            _resonator(s, station, p[f"{name}.mass"], p[f"{name}.hz"], p[f"{name}.zeta"])
+            resonator(s, station, p[f"{name}.mass"], p[f"{name}.hz"], p[f"{name}.zeta"])
 
 
-def _resonator(s: Structure, station: int, mass: float, hz: float, zeta: float) -> None:
+def resonator(s: Structure, station: int, mass: float, hz: float, zeta: float) -> None:
+    """Add a mass on a damped spring to a station."""
     own, w = s.station(), 2.0 * np.pi * hz
     # The rotating mass is negligible, and its support so stiff that its modes are above the band.
     inertia = mass * 0.0005**2

@@ -1,0 +1,1 @@
+"""A laboratory of machines with an unknown spindle; only the commands use the library."""

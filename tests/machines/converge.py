@@ -1,0 +1,206 @@
+"""Whether the fit of unknown modes together with the joint reaches the best known optimum, and in which time.
+
+The best known optimum is the least cost of all fits of a machine: that of `identify`, and fits with a long budget from
+the truth and from starts near it. The latter depend on the program as little as possible, and may be kept in a file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from machines.batch import Row, append_row, indices, read_rows, run, seed_of, share
+from machines.generator import Machine, draw_machine, real_modes, spindle_modes, write
+
+Bounded = dict[str, tuple[float, float, float]]
+"""Lower bound, start and upper bound of unknowns by address."""
+SAME = 1e-3
+"""Relative difference of the cost up to which an optimum is the best known one."""
+BUDGET = 4000
+"""Evaluations of a fit from near the truth."""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+    parser.add_argument("--near", type=int, default=2, help="fits from near the truth (default 2; 0: from no start)")
+    parser.add_argument("--best", type=Path, metavar="FILE", help="JSON lines of best known costs, read and extended")
+    parser.add_argument("--near-limit", type=float, default=900.0, metavar="S", help="seconds of these fits (900)")
+    parser.add_argument("--profiles", action="store_true", help="intervals from profile likelihoods")
+
+
+def main(options: argparse.Namespace) -> int:
+    """Run all machines and print a line for each, then the totals."""
+    seed = seed_of(options)
+    chosen = indices(options)
+    best = _best_known(options, seed, chosen)
+    rows = {
+        row["index"]: row
+        for row in read_rows(options.resume)
+        if row["seed"] == seed and row["modes"] == options.modes and row["index"] in chosen
+    }
+    sys.stdout.write(f"{HEADER}\n")
+    for row in rows.values():
+        sys.stdout.write(f"{_line(row, best.get(row['index'], np.inf))}\n")
+    left = [
+        {"seed": seed, "index": i, "modes": options.modes, "threads": options.threads, "profiles": options.profiles}
+        for i in chosen
+        if i not in rows
+    ]
+    for case, result in run(fit, left, jobs=options.jobs, limit=options.limit):
+        row = rows[case["index"]] = {**case, **result}
+        append_row(options.resume, row)
+        sys.stdout.write(f"{_line(row, best.get(row['index'], np.inf))}\n")
+        sys.stdout.flush()
+    every = [rows[i] for i in sorted(rows)]
+    sys.stdout.write("\n".join(totals(every, best)) + "\n")
+    return 0
+
+
+def _best_known(options: argparse.Namespace, seed: int, chosen: Sequence[int]) -> dict[int, float]:
+    """Return the least cost of fits from near the truth, of machines for which there is one."""
+    known: dict[tuple[int, int], float] = {}
+    for row in read_rows(options.best):
+        if row["seed"] == seed and row["modes"] == options.modes:
+            known[row["index"], row["start"]] = row.get("cost", np.inf)
+    left = [
+        {"seed": seed, "index": i, "modes": options.modes, "threads": options.threads, "start": start}
+        for i in chosen
+        for start in range(options.near)
+        if (i, start) not in known
+    ]
+    for case, result in run(fit_near, left, jobs=options.jobs, limit=options.near_limit):
+        append_row(options.best, {**case, **result})
+        known[case["index"], case["start"]] = result.get("cost", np.inf)
+        cost = f"cost {result['cost']:.2f}" if "cost" in result else result["failure"]
+        sys.stdout.write(f"near the truth: machine {case['index']}, start {case['start']}, {cost}\n")
+        sys.stdout.flush()
+    least: dict[int, float] = {}
+    for (index, _), cost in known.items():
+        least[index] = min(cost, least.get(index, np.inf))
+    return least
+
+
+def machine_of(seed: int, index: int) -> Machine:
+    """Return a machine of a batch."""
+    return draw_machine(int(np.random.SeedSequence([seed, index]).generate_state(1)[0]))
+
+
+def fit(seed: int, index: int, modes: int, threads: int, profiles: bool) -> Row:
+    """Identify joint and modes of a machine as a user would."""
+    machine = machine_of(seed, index)
+    with tempfile.TemporaryDirectory() as folder:
+        return _identified(machine, write(machine, Path(folder), modes=modes, settings={"profiles": profiles}), threads)
+
+
+def fit_near(seed: int, index: int, modes: int, threads: int, start: int) -> Row:
+    """Fit from the truth, or from a start near it."""
+    machine = machine_of(seed, index)
+    settings = {"profiles": False, "starts": 1, "strategy": "direct", "max_evaluations": BUDGET}
+    rng = np.random.default_rng([seed, index, start])
+    with tempfile.TemporaryDirectory() as folder:
+        starts = starts_near_truth(machine, modes, rng if start else None)
+        path = write(machine, Path(folder), modes=modes, starts=starts, settings=settings)
+        return _identified(machine, path, threads)
+
+
+def _identified(machine: Machine, path: Path, threads: int) -> Row:
+    from receptance import campaign
+
+    loaded = campaign.load(path, threads=threads)
+    begun = time.perf_counter()
+    fit = loaded.identify()
+    seconds = time.perf_counter() - begun
+    true = {f"joint.{name}": machine.truth[0][f"joint.{name}"] for name in ("k_y", "k_theta")}
+    intervals = {address: fit.interval(address) for address in true}
+    return {
+        # The negative logarithm of the likelihood: where the noise is scaled, the cost alone is half its expectation.
+        "cost": float(min(one.cost for one in fit.starts) + fit.task.independent_values * np.log(fit.noise_factor)),
+        "rms": float(fit.rms),
+        "converged": bool(fit.converged),
+        "seconds": seconds,
+        "evaluations": int(sum(one.evaluations for one in fit.starts)),
+        "ratio": {address: float(fit.values[address] / value) for address, value in true.items()},
+        "inside": {address: bool(low <= true[address] <= high) for address, (low, high) in intervals.items()},
+        "width": {address: float((high - low) / true[address]) for address, (low, high) in intervals.items()},
+    }
+
+
+def starts_near_truth(machine: Machine, modes: int, rng: np.random.Generator | None) -> Bounded:
+    """Return bounds and starts of joint and modes from the truth.
+
+    The shapes of the spindle are complex, and those of the start are real: of the undamped modes, or, with a generator,
+    of modes fitted to the true spindle.
+    """
+    p = machine.truth[0]
+    lines = machine.records[0].frequency_hz
+    rows, rest = spindle_modes(p, modes) if rng is None else real_modes(p, modes, lines, rng)
+    lowest, highest = 0.25 * lines[0], 4.0 * lines[-1]
+    length = sum(p[name] for name in p if name.startswith("holder.") and name.endswith(".length"))
+    bounds = {"k_y": (1e7, 1e10), "k_theta": (1e3, 1e6), "c_y": (1.0, 1e5), "c_theta": (1e-4, 10.0)}
+    found = {f"joint.{name}": (low, p[f"joint.{name}"], high) for name, (low, high) in bounds.items()}
+    reach = 10.0 * float(np.abs(rows[:, 2]).max())
+    slope = max(5.0 * reach / length, 2.0 * float(np.abs(rows[:, 3]).max()))
+    compliance = float(np.sum((rows[:, 2] / (2.0 * np.pi * rows[:, 0])) ** 2))
+    for number, (frequency, damping, y, theta) in enumerate(rows.tolist()):
+        first = f"spindle.mode[{number}]"
+        found |= {
+            f"{first}.frequency_hz": (min(lowest, 0.5 * frequency), frequency, max(highest, 1.5 * frequency)),
+            f"{first}.damping_ratio": (min(1e-3, 0.5 * damping), damping, max(0.3, 2.0 * damping)),
+            f"{first}.y": (-reach, y, reach),
+            f"{first}.theta": (-slope, theta, slope),
+        }
+    units = {"residual_y": 1.0, "residual_theta": 1.0 / length**2, "residual_ytheta": 1.0 / length}
+    for (name, unit), value in zip(units.items(), rest.tolist(), strict=True):
+        limit = max(10.0 * compliance * unit, 2.0 * abs(value))
+        found[f"spindle.{name}"] = (-limit, value, limit)
+    return found
+
+
+# The table ------------------------------------------------------------------------------------------------------------
+
+HEADER = "machine        cost        best   rms  conv.     s    MB  k_theta  width  inside"
+
+
+def _line(row: Row, best: float) -> str:
+    """Return a line of the table."""
+    if "failure" in row:
+        return f"{row['index']:7d}  {row['failure'][:70]}"
+    best = min(best, row["cost"])
+    ratio, width, inside = (row[key]["joint.k_theta"] for key in ("ratio", "width", "inside"))
+    return (
+        f"{row['index']:7d} {row['cost']:11.2f} {best:11.2f} {row['rms']:5.2f}  {_yes(row['converged']):<5}"
+        f" {row['seconds']:5.0f} {row['megabytes']:5.0f} {ratio:8.4f} {100.0 * width:5.1f}%  {_yes(inside)}"
+    )
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "no"
+
+
+def totals(rows: Sequence[Row], best: dict[int, float]) -> list[str]:
+    """Return the totals of a batch."""
+    ended = [row for row in rows if "failure" not in row]
+    reached = [row for row in ended if row["cost"] <= (1.0 + SAME) * best.get(row["index"], np.inf)]
+    inside = {name: [row for row in ended if row["inside"][f"joint.{name}"]] for name in ("k_theta", "k_y")}
+
+    lines = [
+        share("optimum within 0.1 % of the best", reached, rows, ">= 95 %"),
+        share("converged", [row for row in ended if row["converged"]], rows),
+        share("k_theta inside its 95 % interval", inside["k_theta"], ended, "90 to 98 %"),
+        share("k_y inside its 95 % interval", inside["k_y"], ended),
+    ]
+    better = sum(row["cost"] < (1.0 - SAME) * best[row["index"]] for row in ended if row["index"] in best)
+    lines.append(f"better than the fits from near the truth: {better}; failed: {len(rows) - len(ended)}")
+    if ended:
+        seconds = [row["seconds"] for row in rows]
+        memory = max(row["megabytes"] for row in ended)
+        lines.append(
+            f"time median {np.median(seconds):.0f} s, largest {max(seconds):.0f} s; peak memory {memory:.0f} MB"
+        )
+    return lines

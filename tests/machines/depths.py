@@ -1,0 +1,130 @@
+"""Whether depths that are stable with 95 % are below the true limits, with descriptions as users make them.
+
+The flutes of the end mill are described as a cylinder of 80 % of the diameter, the cone of the holder as two cylinders,
+the spindle as unknown modes. One tool was measured, the other has an overhang between the measured ones.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from machines.batch import Row, append_row, indices, read_rows, run, seed_of, share
+from machines.generator import Cut, Machine, draw_machine, stable_limit, write
+from machines.generator.structure import Numbers, receptances
+
+LINES = np.arange(40.0, 9000.0, 0.5)
+"""Lines of the true tip in Hz."""
+TIP = ("tool", 0.0)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this command."""
+
+
+def main(options: argparse.Namespace) -> int:
+    """Run all machines and print a line for each cut, then the totals."""
+    seed = seed_of(options)
+    chosen = indices(options)
+    rows = {
+        row["index"]: row
+        for row in read_rows(options.resume)
+        if row["seed"] == seed and row["modes"] == options.modes and row["index"] in chosen
+    }
+    sys.stdout.write(f"{HEADER}\n" + "".join(f"{line}\n" for row in rows.values() for line in _lines(row)))
+    left = [
+        {"seed": seed, "index": i, "modes": options.modes, "threads": options.threads} for i in chosen if i not in rows
+    ]
+    for case, result in run(recommend, left, jobs=options.jobs, limit=options.limit):
+        row = rows[case["index"]] = {**case, **result}
+        append_row(options.resume, row)
+        sys.stdout.write("".join(f"{line}\n" for line in _lines(row)))
+        sys.stdout.flush()
+    sys.stdout.write("\n".join(totals([rows[i] for i in sorted(rows)])) + "\n")
+    return 0
+
+
+def machine_of(seed: int, index: int) -> Machine:
+    """Return a machine of a batch, with an end mill and cuts."""
+    return draw_machine(int(np.random.SeedSequence([seed, index, 5]).generate_state(1)[0]), end_mill=True)
+
+
+def true_limit(p: Numbers, cut: Cut, speed_rpm: float) -> float:
+    """Return the true limit of a cut in m, without the sensor."""
+    tip = receptances({**p, "sensor.mass": 0.0}, TIP, [TIP], LINES)
+    return stable_limit(cut, LINES, tip[:, :, None] * np.eye(2), speed_rpm)[0]
+
+
+def recommend(seed: int, index: int, modes: int, threads: int) -> Row:
+    """Identify a machine, compute its lobes as a user would, and return each recommended depth over the true limit."""
+    from receptance import campaign
+
+    machine = machine_of(seed, index)
+    with tempfile.TemporaryDirectory() as folder:
+        path = write(machine, Path(folder), modes=modes, settings={"profiles": False})
+        loaded = campaign.load(path, threads=threads)
+        fit = loaded.identify()
+        stability = loaded.stability(fit)
+    cuts = []
+    for number, cut in machine.cuts:
+        lobes = stability[f"c{number}"]
+        advised = [(one.speed_rpm, one.depth) for one in lobes.best_cuts]
+        ratios = [depth / true_limit(machine.truth[number], cut, speed) for speed, depth in advised]
+        cuts.append(
+            {
+                "measured": number < 2,
+                "ratios": ratios,
+                "rejected": bool(lobes.rejection),
+                "banded": lobes.probability is not None,
+                "reason": " ".join(lobes.rejection)[:200],
+            }
+        )
+    return {"rms": float(fit.rms), "converged": bool(fit.converged), "cuts": cuts}
+
+
+# The table ------------------------------------------------------------------------------------------------------------
+
+HEADER = "machine  tool           rms     s  depth over true limit at each speed"
+
+
+def _lines(row: Row) -> list[str]:
+    """Return a line for each cut of a machine."""
+    if "failure" in row:
+        return [f"{row['index']:7d}  {row['failure'][:70]}"]
+    return [
+        f"{row['index']:7d}  {'measured' if cut['measured'] else 'not measured':<12} {row['rms']:5.2f} "
+        f"{row['seconds']:5.0f}  "
+        + (" ".join(f"{ratio:.2f}" for ratio in cut["ratios"]) or "refused")
+        + (" (rejected)" if cut["rejected"] and cut["ratios"] else "")
+        for cut in row["cuts"]
+    ]
+
+
+def totals(rows: Sequence[Row]) -> list[str]:
+    """Return the totals of a batch."""
+    cuts = [cut for row in rows for cut in row.get("cuts", ())]
+    stated = [cut for cut in cuts if cut["ratios"]]
+    lines = []
+    for title, chosen in (
+        ("all", stated),
+        ("tool measured", [cut for cut in stated if cut["measured"]]),
+        ("tool not measured", [cut for cut in stated if not cut["measured"]]),
+        ("of a rejected fit", [cut for cut in stated if cut["rejected"]]),
+    ):
+        ratios = [ratio for cut in chosen for ratio in cut["ratios"]]
+        lines.append(share(f"depths above the true limit: {title}", [r for r in ratios if r > 1.0], ratios, "<= 5 %"))
+    deepest = [cut["ratios"][0] for cut in stated]
+    lines.append(share("   the deepest of each cut", [ratio for ratio in deepest if ratio > 1.0], deepest))
+    ratios = [ratio for cut in stated for ratio in cut["ratios"]]
+    if ratios:
+        low, middle, high = np.quantile(ratios, [0.1, 0.5, 0.9])
+        lines.append(f"depth over true limit: median {middle:.2f}, 80 % between {low:.2f} and {high:.2f}")
+        lines.append(f"largest {max(ratios):.2f}; without a band {sum(not cut['banded'] for cut in stated)} cuts")
+    lines.append(share("cuts without a number (refused)", [cut for cut in cuts if not cut["ratios"]], cuts))
+    lines.append(share("machines that failed", [row for row in rows if "failure" in row], rows))
+    return lines
