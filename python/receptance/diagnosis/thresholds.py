@@ -13,8 +13,6 @@ import math
 NOISIEST_LINE = 0.12
 """Largest standard deviation of the logarithm of a line that is used. Above it the logarithm is not normal: it has long
 tails, which heavily damped modes and other wrong changes can fit."""
-LARGEST_SENSITIVITY = 30.0
-"""Largest factor between the force at the plane of a table that the data imply and that of the base model."""
 SHARED_LOSS = 0.1
 """Largest share of its lines that a record may lose so that all records of its configuration use the same lines."""
 FEWEST_LINES = 16

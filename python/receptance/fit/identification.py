@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal, TypedDict
 
 import numpy as np
@@ -20,6 +21,7 @@ from receptance.fit.peaks import check_bands
 from receptance.fit.problem import Problem, Task
 from receptance.fit.result import Identification
 from receptance.fit.search import Start, fit_direct, fit_staged
+from receptance.fit.spindle_errors import has_spindle_errors, with_spindle_errors
 from receptance.fit.unknowns import Tolerance, Unknowns, Variables, as_unknowns
 from receptance.report import Provenance
 
@@ -212,6 +214,12 @@ def identify(
         return conclude(task, problem, runs, loss=smoothing, seed=seed, notes=list(notes))
 
     result = fit(task, problem)
+    if objective == "log" and all(unit == "standard deviations" for unit in units) and has_spindle_errors(observed):
+        # The errors of a measured spindle act through the joint, which the first fit knows.
+        observed, more = with_spindle_errors(observed, result.assemblies)
+        notes += more
+        task = replace(task, observed=observed)
+        result = fit(task, task.problem())
     # The priors of fitted errors are residuals, so chi-square has as many degrees of freedom as there are independent
     # numbers minus unknowns without a prior.
     left = task.independent_values - free
@@ -279,7 +287,7 @@ def conclude(
 ) -> Identification:
     """Return the result of the best run."""
     variables, observed = problem.variables, task.observed
-    weighted = "standard deviations" in task.units
+    weighted, bounded = "standard deviations" in task.units, has_spindle_errors(observed)
     count = len(variables.unknowns)
     best = min(runs, key=lambda run: run.cost)
     inverse, correlation = covariance_of(problem.curvature_root(best.variables))
@@ -319,7 +327,8 @@ def conclude(
         rejection=tuple(rejection),
         advice=[
             *rejection,
-            *(_overfit_advice(parts, task.independent_values, count) if weighted else ()),
+            # Beside the errors of a spindle, which are an upper bound, residuals are smaller than expected.
+            *(_overfit_advice(parts, task.independent_values, count) if weighted and not bounded else ()),
             *_start_advice(runs, same, elsewhere),
             *bounds,
             *_covariance_advice(inverse, correlation, variables.names),

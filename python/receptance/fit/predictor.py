@@ -33,7 +33,7 @@ from receptance.fit.unknowns import Tolerance, Variables, error_of
 from receptance.model.addresses import moved_coordinate
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
-from receptance.model.terminals import RESIDUALS, MeasuredPart, nearest_lines
+from receptance.model.terminals import RESIDUALS, Terminal
 
 _Value = TypeVar("_Value")
 
@@ -151,8 +151,25 @@ class LinearFRF(NamedTuple):
     """`(n,)` with the identified values."""
     slope: NDArray[np.complex128]
     """`(n, m)` its derivatives by the uncertain parameters."""
-    variance: NDArray[np.float64]
-    """`(n,)` variance of real and imaginary part, each, by the errors of a measured part, independent between lines."""
+    spindle_errors: NDArray[np.complex128]
+    """`(n, 3)` its changes by the errors of the spindle that no parameter describes, complex ones of unit variance of
+    real and imaginary part; zero without them."""
+    independent: bool
+    """Whether these errors are independent between lines, else all lines share them."""
+
+    @property
+    def variance(self) -> NDArray[np.float64]:
+        """Variance `(n,)` of real and imaginary part, each, by the errors of the spindle."""
+        return np.asarray(np.sum(np.abs(self.spindle_errors) ** 2, axis=1))
+
+    def drawn_errors(self, count: int, seed: int) -> NDArray[np.complex128]:
+        """Return draws of the change of the receptance by the errors of the spindle, `(count, n)`."""
+        random = np.random.default_rng([seed, 1])
+        if self.independent:
+            real, imaginary = random.standard_normal((2, count, self.receptance.size))
+            return np.asarray(np.sqrt(self.variance) * (real + 1j * imaginary))
+        real, imaginary = random.standard_normal((2, count, 3))
+        return np.asarray((real + 1j * imaginary) @ self.spindle_errors.T)
 
 
 class PredictedAssembly:
@@ -180,8 +197,10 @@ class PredictedAssembly:
 
     @property
     def uncertain(self) -> bool:
-        """Whether any parameter of the assembly is uncertain."""
-        return bool(self.addresses)
+        """Whether any parameter of the assembly is uncertain, or the spindle at its end."""
+        end = next(reversed(self.assembly.elements.values()))
+        known = not isinstance(end, Terminal) or end.error_root(np.ones(1)) is None
+        return bool(self.addresses) or not known
 
     def scatter(self, slope: NDArray[np.float64]) -> Scatter:
         """Return the scatter of results with derivatives `(n, m)` per SI unit of the addresses."""
@@ -233,17 +252,18 @@ class PredictedAssembly:
     ) -> LinearFRF:
         """Return a receptance with its first-order errors."""
         name, spindle = next(reversed(self.assembly.elements.items()))
-        covariance = spindle.covariance if isinstance(spindle, MeasuredPart) else None
-        residuals = [] if covariance is None else [f"{name}.{quantity}" for quantity in RESIDUALS]
+        root, independent = None, True
+        if isinstance(spindle, Terminal):
+            root, independent = spindle.error_root(np.asarray(frequency_hz)), spindle.independent_lines
+        residuals = [] if root is None else [f"{name}.{quantity}" for quantity in RESIDUALS]
         receptance, slopes = self.assembly.derivatives(
             frequency_hz, [*self.addresses, *residuals], **self._options(response, excitation, force)
         )
         slope, residual_slope = np.split(slopes, [len(self.addresses)], axis=1)
-        variance = np.zeros(receptance.size)
-        if isinstance(spindle, MeasuredPart) and covariance is not None:
-            errors = covariance[nearest_lines(spindle.frequency_hz, np.asarray(frequency_hz).real)[0]]
-            variance = np.einsum("ni,nij,nj->n", residual_slope, errors, residual_slope.conj()).real
-        return LinearFRF(receptance, slope, variance)
+        errors = np.zeros((receptance.size, 3), dtype=np.complex128)
+        if root is not None:
+            errors = np.einsum("ni,nij->nj", residual_slope, root)
+        return LinearFRF(receptance, slope, errors, independent)
 
     def receptance(
         self,
@@ -276,15 +296,14 @@ class PredictedAssembly:
         """
         linear = linear or self.linear(frequency_hz, response, excitation, force)
         options = self._options(response, excitation, force)
-        vectors = self.assemblies(draws, seed) if draws else []
-        assemblies = [assembly for assembly in vectors if assembly is not None]
-        if 2 * len(assemblies) < draws:
-            raise ReceptanceError(f"only {len(assemblies)} of {draws} vectors drawn from the posterior have a model")
-        drawn = np.array([assembly.receptance(frequency_hz, **options) for assembly in assemblies], np.complex128)
-        drawn = drawn.reshape(-1, linear.receptance.size)
-        if linear.variance.any():
-            real, imaginary = np.random.default_rng([seed, 1]).standard_normal((2, *drawn.shape))
-            drawn = drawn + np.sqrt(linear.variance) * (real + 1j * imaginary)
+
+        def receptance(assembly: Assembly) -> NDArray[np.complex128]:
+            return assembly.receptance(frequency_hz, **options)
+
+        several = [one for one in self.drawn_receptances(receptance, linear, draws, seed) if one is not None]
+        if 2 * len(several) < draws:
+            raise ReceptanceError(f"only {len(several)} of {draws} vectors drawn from the posterior have a model")
+        drawn = np.array(several, np.complex128).reshape(-1, linear.receptance.size)
         log_slope = linear.slope / linear.receptance[:, None]
         log_deviation = np.sqrt(linear.variance) / np.abs(linear.receptance)
         return PredictedFRF(
@@ -392,6 +411,16 @@ class PredictedAssembly:
                 drawn.append(None)
         return drawn
 
+    def drawn_receptances(
+        self, receptance: Callable[[Assembly], NDArray[np.complex128]], linear: LinearFRF, count: int, seed: int
+    ) -> list[NDArray[np.complex128] | None]:
+        """Return a receptance of each drawn assembly with drawn errors of its spindle; None without a model."""
+        drawn = self.draw(receptance, count, seed) if count else []
+        if not linear.spindle_errors.any():
+            return drawn
+        errors = linear.drawn_errors(count, seed)
+        return [None if h is None else h + error for h, error in zip(drawn, errors, strict=True)]
+
 
 class PredictedData:
     """Data of observations that were not fitted, beside the information of the fit; see `Predictor.of`.
@@ -450,9 +479,9 @@ class PredictedData:
         """Return the residuals of each observation in standard deviations at the end of a fit."""
         return [part.copy() for part in self._problem.parts(self._problem.residual(end.x))]
 
-    def assemblies(self, end: End) -> list[Assembly]:
-        """Return the assembly of each observation at the end of a fit."""
-        values = self.variables.to_values(end.x)
+    def assemblies(self, x: NDArray[np.float64]) -> list[Assembly]:
+        """Return the assembly of each observation at values of the variables."""
+        values = self.variables.to_values(x)
         pairs = zip(self._observations, self._mappings, strict=True)
         return [mapping.apply(observation.assembly, values) for observation, mapping in pairs]
 
