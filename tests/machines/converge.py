@@ -22,7 +22,7 @@ Bounded = dict[str, tuple[float, float, float]]
 """Lower bound, start and upper bound of unknowns by address."""
 SAME = 1e-3
 """Relative difference of the cost up to which an optimum is the best known one."""
-BUDGET = 4000
+BUDGET = 1500
 """Evaluations of a fit from near the truth."""
 
 

@@ -11,14 +11,14 @@ from scipy.optimize import least_squares
 
 from blind.generator.elements import FloatArray, Structure
 
-from .structure import MODES, Numbers, add_spindle
+from .structure import MODES, REFINEMENT, Numbers, add_spindle
 
 LEVER = 0.1
 """Length in m by which rotations are compared with displacements."""
 
 
 def _alone(p: Numbers) -> tuple[Structure, int]:
-    s = Structure()
+    s = Structure(REFINEMENT)
     plane = s.station()
     # The plane has no mass of its own: a thin disc, which is negligible, keeps the mass matrix definite.
     s.mass(plane, 1e-5, 1e-9)

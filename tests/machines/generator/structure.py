@@ -21,6 +21,8 @@ Place = tuple[str, float]
 
 STEP = 0.0026
 """Longest cylinder of a cone in m."""
+REFINEMENT = 0.5
+"""Of the mesh: elements of half a wave length."""
 MODES = 26
 """Undamped modes in the basis of a response; the rest is static up to twice the highest line."""
 
@@ -46,7 +48,7 @@ def fluted(p: Numbers) -> Ring:
 
 def build(p: Numbers, places: Iterable[Place] = ()) -> tuple[Structure, dict[Place, int], int]:
     """Return the structure, the stations of places, and the station of the plane between holder and spindle."""
-    s = Structure()
+    s = Structure(REFINEMENT)
     wanted = list(places)
     tool = Row(s, [x for part, x in wanted if part == "tool"])
     flutes = p.get("flute.length", 0.0)
