@@ -7,7 +7,7 @@ of the records by the effect. What is left, in variances of the data, is the gai
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,11 @@ SAME = 6.0
 AVERAGES = 10
 THINNED = 4
 """One of so many lines is used, with the weight of all."""
+
+SMALL = 1e-3
+"""Size of the effect, relative to its own, of which the change is compared with those of other answers."""
+WHOLE = ("wrong_quantity", "reversed_polarity")
+"""Effects without a size."""
 
 FloatArray = NDArray[np.float64]
 
@@ -80,6 +85,8 @@ def consult(machine: Machine, answers: Sequence[str] = ()) -> tuple[Oracle, tupl
         return Oracle(0.0, 0.0), ()
     records = Records(machine)
     target = records.change(machine.truth[:2], machine.effect)
+    small = SMALL if machine.effect.id not in WHOLE else 1.0
+    tangent = records.change(machine.truth[:2], replace(machine.effect, size=small * machine.effect.size)) / small
     free = [_share_of(records, name) for name in JOINT]
     errors = [records.slope(moved, STEP) for moved in _errors(machine)]
     spindle = [_share_of(records, name) for name in machine.truth[0] if name.startswith(SPINDLE)]
@@ -88,7 +95,7 @@ def consult(machine: Machine, answers: Sequence[str] = ()) -> tuple[Oracle, tupl
     same = tuple(
         id
         for id in answers
-        if id in _ANSWERS and _left(target, [*free, *spindle, *_ANSWERS[id](records)], errors) < SAME
+        if id in _ANSWERS and _left(tangent, [*free, *spindle, *_ANSWERS[id](records)], errors) < SAME
     )
     return Oracle(known, unknown), same
 

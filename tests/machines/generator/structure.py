@@ -42,13 +42,15 @@ def fluted(p: Numbers) -> Ring:
     """Return a ring with the area and the second moment of the fluted section, given relative to the shank."""
     total, difference = p["flute.second"] / p["flute.area"], p["flute.area"]
     outer = p["tool.diameter"] * math.sqrt(0.5 * (total + difference))
-    inner = p["tool.diameter"] * math.sqrt(0.5 * (total - difference))
+    inner = p["tool.diameter"] * math.sqrt(max(0.5 * (total - difference), 0.0))
     return material(p, "tool", outer, inner)
 
 
-def build(p: Numbers, places: Iterable[Place] = ()) -> tuple[Structure, dict[Place, int], int]:
+def build(
+    p: Numbers, places: Iterable[Place] = (), refinement: float = REFINEMENT
+) -> tuple[Structure, dict[Place, int], int]:
     """Return the structure, the stations of places, and the station of the plane between holder and spindle."""
-    s = Structure(REFINEMENT)
+    s = Structure(refinement)
     wanted = list(places)
     tool = Row(s, [x for part, x in wanted if part == "tool"])
     flutes = p.get("flute.length", 0.0)
