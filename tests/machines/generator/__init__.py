@@ -4,7 +4,7 @@ from .campaign import write
 from .effects import EFFECTS, FOREIGN, Effect
 from .lobes import Cut, stable_limit
 from .machine import Machine, Record, draw_machine
-from .spindle import real_modes, spindle_modes
+from .spindle import spindle_modes
 from .structure import Place
 
 __all__ = [
@@ -16,7 +16,6 @@ __all__ = [
     "Place",
     "Record",
     "draw_machine",
-    "real_modes",
     "spindle_modes",
     "stable_limit",
     "write",

@@ -26,6 +26,8 @@ _UNITS = {
     "damping_ratio": "",
     "y": "1/kg**0.5",
     "theta": "rad/(m*kg**0.5)",
+    "y_imaginary": "1/kg**0.5",
+    "theta_imaginary": "rad/(m*kg**0.5)",
     "residual_y": "m/N",
     "residual_theta": "rad/(N m)",
     "residual_ytheta": "m/(N m)",
