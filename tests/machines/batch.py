@@ -76,8 +76,8 @@ def append_row(path: Path | None, row: Row) -> None:
 def run(work: Work, cases: Sequence[Row], *, jobs: int, limit: float) -> Iterator[tuple[Row, Row]]:
     """Yield each case with its result as cases end; `work` is called with the fields of a case, in its own process.
 
-    The result has the key `failure` if the process raised, died, or exceeded the limit in seconds. `seconds` and
-    `megabytes`, the peak memory of the process, are added to it.
+    The result has the key `failure` if the process raised, died, or exceeded the limit in seconds. `seconds`, the
+    `processor` time in s and `megabytes`, the peak memory of the process, are added to it.
     """
     context = multiprocessing.get_context("spawn")
     waiting = list(cases)[::-1]
@@ -126,5 +126,6 @@ def _child(work: Work, case: Row, sender: Connection) -> None:
     except Exception as error:
         result = {"failure": f"{type(error).__name__}: {error}", "trace": traceback.format_exc(limit=-3)}
     result.setdefault("seconds", time.perf_counter() - begun)
+    result.setdefault("processor", time.process_time())
     result["megabytes"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
     sender.send(result)

@@ -89,7 +89,7 @@ def recommend(seed: int, index: int, modes: int, threads: int) -> Row:
 
 # The table ------------------------------------------------------------------------------------------------------------
 
-HEADER = "machine  tool           rms     s  depth over true limit at each speed"
+HEADER = "machine  tool           rms cpu s  depth over true limit at each speed"
 
 
 def _lines(row: Row) -> list[str]:
@@ -98,7 +98,7 @@ def _lines(row: Row) -> list[str]:
         return [f"{row['index']:7d}  {row['failure'][:70]}"]
     return [
         f"{row['index']:7d}  {'measured' if cut['measured'] else 'not measured':<12} {row['rms']:5.2f} "
-        f"{row['seconds']:5.0f}  "
+        f"{row['processor']:5.0f}  "
         + (" ".join(f"{ratio:.2f}" for ratio in cut["ratios"]) or "refused")
         + (" (rejected)" if cut["rejected"] and cut["ratios"] else "")
         for cut in row["cuts"]

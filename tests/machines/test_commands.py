@@ -65,7 +65,7 @@ def _faked(monkeypatch, module, made):
     def run(work, cases, *, jobs, limit):
         for case in cases:
             begun.append((work, case["index"]))
-            yield case, {"seconds": 2.0, "megabytes": 90.0, **made(work, case)}
+            yield case, {"seconds": 2.0, "processor": 2.0, "megabytes": 90.0, **made(work, case)}
 
     monkeypatch.setattr(module, "run", run)
     return begun

@@ -36,9 +36,9 @@ def spindle_modes(p: Numbers, count: int, lines: NDArray[np.float64]) -> tuple[F
     """Return modes that stand for the spindle on some lines, and the residual.
 
     A pole l = -zeta w + i v has the residue psi psi^T / (2 i v), psi the shape at the plane. The rows are w in Hz,
-    zeta, the real parts of y and theta of psi, and their imaginary parts; the real part of y is positive. The lowest poles
-    leave what the taper joint adds, springs with dashpots in series: two damped modes above the lines have their loss,
-    one in y and one in theta. The residual, in the order of `plane_receptance`, is the rest.
+    zeta, the real parts of y and theta of psi, and their imaginary parts; the real part of y is positive. The lowest
+    poles leave what the taper joint adds, springs with dashpots in series: two damped modes above the lines have their
+    loss, one in y and one in theta. The residual, in the order of `plane_receptance`, is the rest.
     """
     found = _poles(p)
     size = np.abs(found.rates)
