@@ -9,7 +9,7 @@ known one. `--best FILE` keeps the costs of fits from near the truth, which take
 `blind` hides an effect in each machine and scores the diagnosis.
 
 A case that fails or exceeds its limit counts as failed. A case is drawn from the seed and its number, so a resumed run
-gives the same cases. `tests/machines` has the laboratory. Times are of one case while the others run.
+gives the same cases. `tests/machines` has the laboratory. Times are processor times.
 """
 
 from __future__ import annotations

@@ -85,9 +85,9 @@ def diagnose(seed: int, index: int, effects: Sequence[str], modes: int, threads:
     machine = machine_of(seed, index, effects)
     with tempfile.TemporaryDirectory() as folder:
         loaded = campaign.load(write(machine, Path(folder), modes=modes), threads=threads)
-        begun = time.perf_counter()
+        begun = time.process_time()
         verdict = loaded.diagnose()
-        answer = answer_from(verdict, time.perf_counter() - begun)
+        answer = answer_from(verdict, time.process_time() - begun)
     wrong = [id for id in answer.reported if id not in effects]
     oracle, same = consult(machine, wrong)
     outcome = Outcome(
@@ -183,7 +183,7 @@ def table(outcomes: Sequence[Outcome]) -> list[str]:
     ]
     seconds = [one.seconds for one in outcomes if np.isfinite(one.seconds)]
     if seconds:
-        lines.append(f"time of a diagnosis: median {np.median(seconds):.0f} s, largest {max(seconds):.0f} s")
+        lines.append(f"processor time of a diagnosis: median {np.median(seconds):.0f} s, largest {max(seconds):.0f} s")
     lines.append("effect              cases large  in set named  verdicts of all")
     for id in EFFECTS:
         own = [one for one in outcomes if one.effects == (id,)]
