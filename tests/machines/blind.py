@@ -135,7 +135,7 @@ def _failed(case: Row, result: Row) -> Outcome:
         reported=(),
         together=(),
         same=(),
-        seconds=result.get("seconds", nan),
+        seconds=result.get("processor", nan),
         misfit=nan,
         misfit_after=nan,
         share=None,

@@ -24,7 +24,7 @@ SAME = 1e-3
 """Relative difference of the cost up to which an optimum is the best known one."""
 NEAR = 0.03
 """Standard deviation of the logarithms of starts near the truth; that of frequencies is a third of it."""
-BUDGET = 1500
+BUDGET = 300
 """Evaluations of a fit from near the truth."""
 
 
@@ -32,7 +32,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
     parser.add_argument("--near", type=int, default=2, help="fits from near the truth (default 2; 0: from no start)")
     parser.add_argument("--best", type=Path, metavar="FILE", help="JSON lines of best known costs, read and extended")
-    parser.add_argument("--near-limit", type=float, default=900.0, metavar="S", help="seconds of these fits (900)")
+    parser.add_argument(
+        "--near-limit", type=float, default=900.0, metavar="S", help="processor time of these fits (900)"
+    )
     parser.add_argument("--profiles", action="store_true", help="intervals from profile likelihoods")
 
 

@@ -42,8 +42,10 @@ def test_a_case_that_raises_dies_or_hangs_has_failed():
     assert raised["failure"].startswith("JSONDecodeError")
     (died,) = _results(os._exit, [{"status": 3}])
     assert died["failure"] == "the process ended with 3"
-    (hung,) = _results(subprocess.check_call, [{"args": ["sleep", "6"]}], limit=2.0)
-    assert hung == {"failure": "more than 2 s", "seconds": 2.0}
+    (hung,) = _results(subprocess.check_call, [{"args": ["sleep", "9"]}], limit=0.2)
+    assert hung == {"failure": "no result after 4 s", "processor": 0.2}
+    (busy,) = _results(pow, [{"base": 3, "exp": 10**8}], limit=1.0)
+    assert busy == {"failure": "more than 1 s", "processor": 1.0}
 
 
 def test_rows_of_a_killed_run_are_read(tmp_path):
