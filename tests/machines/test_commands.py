@@ -15,6 +15,7 @@ from blind.outcome import Outcome
 from machines import batch, blind, converge, depths
 from machines.generator import EFFECTS, FOREIGN, draw_machine
 from machines.oracle import consult
+from receptance import campaign
 
 BENCH = Path(__file__).resolve().parents[2] / "benches" / "machines.py"
 
@@ -204,7 +205,14 @@ def test_depths_are_recommended():
 
 
 @pytest.mark.slow
-def test_a_machine_is_diagnosed():
-    outcome = blind.diagnose(seed=37, index=0, effects=("wrong_quantity",), modes=4, threads=1)["outcome"]
+def test_a_machine_is_diagnosed(monkeypatch):
+    # Few modes and one cause: what is tested is the way from the machine to the score.
+    diagnose = campaign.Campaign.diagnose
+    monkeypatch.setattr(campaign.Campaign, "diagnose", lambda self: diagnose(self, ["time_delay"], fast=True))
+    outcome = blind.diagnose(seed=37, index=0, effects=("calibration_gain",), modes=1, threads=1)["outcome"]
+    assert (outcome.kind, outcome.effects, outcome.knowledge) == ("single", ("calibration_gain",), blind.LEVEL)
     assert outcome.large
+    assert outcome.misfit > 1.0
     assert outcome.verdict
+    assert not outcome.in_set
+    assert "calibration_gain" in blind.table([outcome])[-1]
