@@ -73,6 +73,7 @@ class Facts(_AboutCause):
             f"| name in results | `{id}` |",
             f"| in words | {cause.meaning} |",
             f"| what to do | {cause.remedy} |",
+            *([f"| in a spindle | {cause.remedy_in_spindle} |"] if cause.remedy_in_spindle else []),
             f"| belongs to | {belongs} |",
         ]
         if cause.unspecific:
@@ -179,10 +180,12 @@ class Measurements(_AboutCause):
         if not own:
             return (
                 "The menu of `diagnose` has no measurement for this cause alone. It simulates FRFs at another place, "
-                "overhang or force, and the parts alone, and advises the one that separates the explanations."
+                "overhang or force, the parts alone, and a blank in the spindle, and advises the one that separates "
+                "the explanations."
             )
         rows = ["In the menu of `diagnose`, with its effort in hits on the machine:", ""]
-        return "\n".join([*rows, *(f"- {one.action} ({one.cost:g})" for one in own)])
+        only = {None: "", True: "; for a holder in a spindle", False: "; not for a holder in a spindle"}
+        return "\n".join([*rows, *(f"- {one.action} ({one.cost:g}{only[one.in_spindle]})" for one in own)])
 
 
 def _is_for(measurement: MenuItem, id: str) -> bool:

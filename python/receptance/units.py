@@ -470,6 +470,8 @@ class Quantity:
     most: float = math.inf
     written: tuple[float, float] = (0.0, math.inf)
     """Smallest and largest magnitude other than zero in a text; beyond them number and unit do not belong together."""
+    remedy: str = "check the number and its unit"
+    """What to do about a text beyond `written`."""
 
     @property
     def expected(self) -> str:
@@ -535,12 +537,26 @@ DELAY = Quantity("a time of either sign", "s", "5e-6 s")
 LOGARITHM = Quantity("a logarithm", "", "0.03")
 FORCE = Quantity("a force", "N", "20 N", above=0.0)
 SHARE_ABOVE_ZERO = Quantity("a share above zero", "", "0.05", above=0.0, most=1.0)
-# Foam to hardened steel with thin chips; an error of the unit is a factor of 1000.
-CUTTING_COEFFICIENT = Quantity("a cutting coefficient", "N/m^2", "800 MPa", least=1e6, most=1e11)
-CUTTING_COEFFICIENT_OR_ZERO = Quantity("a cutting coefficient or zero", "N/m^2", "300 MPa", least=0.0, most=1e11)
+# An error of the unit is a factor of 1000. The texts of a file are specific forces of wood to hardened steel with thin
+# chips; a normal force is a part of the tangential one. Values within wider bounds are random draws.
+_SPECIFIC_FORCES = "check the unit: metals have 200 MPa to 5 GPa, and 600 MPa = 600 N/mm^2 = 6e8 N/m^2"
+CUTTING_COEFFICIENT = Quantity(
+    "a cutting coefficient", "N/m^2", "800 MPa", least=1e6, most=1e11, written=(5e7, 1e10), remedy=_SPECIFIC_FORCES
+)
+CUTTING_COEFFICIENT_OR_ZERO = Quantity(
+    "a cutting coefficient or zero",
+    "N/m^2",
+    "300 MPa",
+    least=0.0,
+    most=1e11,
+    written=(5e6, 1e10),
+    remedy=_SPECIFIC_FORCES,
+)
 IMMERSION = Quantity("an immersion", "", "0.5", above=0.0, most=1.0)
 SPINDLE_SPEED = Quantity("a spindle speed", "rpm", "12000 rpm", above=0.0, written=(0.1, 1e7))
 DIRECTION = Quantity("a direction", "deg", "30 deg")
+PITCH = Quantity("a pitch angle", "deg", "90 deg", least=5.0, most=360.0)
+HELIX = Quantity("a helix angle", "deg", "30 deg", least=-75.0, most=75.0)
 
 QUANTITIES = tuple(one for one in tuple(globals().values()) if isinstance(one, Quantity))
 """All quantities."""
@@ -583,13 +599,13 @@ def parse(text: Any, quantity: Quantity, expected: str = "") -> float:
             raise ValueError(f"is a number of more than 300 digits, expected {expected}") from None
     if not math.isfinite(value):
         raise ValueError(f"is {shown(text)}, expected a finite value: {expected}")
-    if not quantity.holds(value):
-        raise ValueError(f"is {shown(text)}, expected {quantity.bounds}: {expected}")
     low, high = quantity.written
-    if value and not low <= abs(value) <= high:
+    mistaken = value and not low <= abs(value) <= high
+    if not quantity.holds(value) and not (mistaken and value > 0.0):
+        raise ValueError(f"is {shown(text)}, expected {quantity.bounds}: {expected}")
+    if mistaken:
         side = f"more than {high:g}" if abs(value) > high else f"less than {low:g}"
-        hint = "check the number and its unit"
-        raise ValueError(f"is {shown(text)}, {side} {quantity.unit}, expected {expected}; {hint}")
+        raise ValueError(f"is {shown(text)}, {side} {quantity.unit}, expected {expected}; {quantity.remedy}")
     return value
 
 

@@ -97,7 +97,7 @@ standard_deviation = "1 %"
 [cuts.roughing]
 kind = "milling"
 teeth = 4
-immersion = 0.5
+radial_depth = 0.5
 feed = "down"
 k_t = "800 MPa"
 k_n = "250 MPa"
@@ -179,7 +179,9 @@ def test_a_spindle_starts_from_the_measured_frfs(tmp_path: Path) -> None:
     found = loaded.identify()
     true = true_machine()
     for address, value in found.values.items():
-        if "residual" not in address:
+        if address.endswith("_imaginary"):
+            assert abs(value) < 0.1 * abs(true.get(address.removesuffix("_imaginary"))), address
+        elif "residual" not in address:
             assert value == pytest.approx(true.get(address), rel=0.1), address
     assert found.values["joint.k_theta"] == pytest.approx(4e4, rel=0.02)
     assert found.rms == pytest.approx(1.0, abs=0.1)

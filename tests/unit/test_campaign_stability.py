@@ -14,8 +14,9 @@ from command_line import call
 from receptance import FRF
 from receptance.campaign import CampaignError
 from receptance.campaign.prediction import predict_assembly
+from receptance.campaign.stability import named_metrics
 from receptance.io import write
-from receptance.stability import Milling, TipModes, receptance_matrix, stability_lobes
+from receptance.stability import Milling, TipModes, receptance_matrix, semi_discretised_limit, stability_lobes
 
 TIP = TipModes(frequency_hz=[922.0, 1900.0], damping_ratio=[0.03, 0.02], shapes=[[5.0, 0.0], [4.0, 0.0]])
 LINES = np.arange(200.0, 3000.0, 2.0)
@@ -46,7 +47,7 @@ draws = 40
 [cuts.rough]
 kind = "milling"
 teeth = 3
-immersion = 0.5
+radial_depth = 0.5
 feed = "up"
 k_t = "800 MPa"
 k_n = "300 MPa"
@@ -60,6 +61,9 @@ tolerance = { k = "10 %" }
 x = { assembly = "longest" }
 """
 TURNED = '[cuts.b]\nkind = "turning"\nk = "1 GPa"\nangle = "90 deg"\nx = { file = "tip.csv" }\n'
+_WIDE = 'teeth = 2\nradial_depth = "14 mm"\ndiameter = "12 mm"'
+_OPEN = 'teeth = 2\npitch = ["170 deg", "180 deg"]'
+_UNEVEN = 'teeth = 2\npitch = ["170 deg", "190 deg"]'
 DAMPED = (("[joints.joint]", '[joints.joint]\nc_theta = "1 N m s/rad"\nloss_factor = 0.02'),)
 
 
@@ -74,8 +78,22 @@ def write_tip(folder: Path) -> None:
     ("old", "new", "words"),
     [
         ("teeth = 2", "teeth = 0", "cuts.slot.teeth: is 0, expected at least 1"),
-        ("teeth = 2", "teeth = 2\nimmersion = 1.2", "immersion: is 1.2, expected more than zero and at most 1"),
-        ("teeth = 2", 'teeth = 2\nfeed = "climb"', 'cuts.slot.feed: is "climb", expected one of "down", "up"'),
+        ("teeth = 2", "", "cuts.slot.teeth: is missing"),
+        ("teeth = 2", "teeth = 2\nradial_depth = 1.2", "radial_depth: is 1.2, expected more than zero and at most 1"),
+        ("teeth = 2", 'teeth = 2\nradial_depth = "0 %"', 'is "0 %", expected more than zero and at most 1: a length'),
+        ("teeth = 2", 'teeth = 2\nradial_depth = "6 mm"', "radial_depth: is 6 mm, but the cut has no diameter, exp"),
+        ("teeth = 2", _WIDE, "radial_depth: is 14 mm, more than the diameter of the cutter, 12 mm, expected"),
+        ("teeth = 2", 'teeth = 2\nradial_depth = "6 N"', 'radial_depth: is "6 N", a force, expected a length such as'),
+        ("teeth = 2", 'teeth = 2\nfeed = "clim"', '"down", "up", "climb", "conventional" (did you mean "climb"?)'),
+        ("teeth = 2", 'teeth = 2\npitch = ["90 deg"]', "cuts.slot.pitch: has 1 angle, expected 2, one for each"),
+        ("teeth = 2", _OPEN, "cuts.slot.pitch: has the sum 350 deg, expected 360 deg"),
+        ("teeth = 2", 'teeth = 2\npitch = ["180", "180"]', 'cuts.slot.pitch[0]: is "180", without a unit, expected a'),
+        ("teeth = 2", 'teeth = 2\nhelix = "30 deg"', 'helix: is given without the diameter of the cutter, exp'),
+        ("teeth = 2", 'teeth = 2\nhelix = "89 deg"', 'helix: is "89 deg", expected at least -75 and at most 75: a'),
+        ("teeth = 2", _UNEVEN, 'pitch: differs between teeth, and so do the delays, for which the mean force has no'),
+        ('"600 MPa"', '"600 Pa"', "less than 5e+07 N/m^2, expected a cutting coefficient"),
+        ('"600 MPa"', '"600 GPa"', "600 MPa = 600 N/mm^2"),
+        ('"200 N/mm^2"', '"200 kPa"', "cuts.slot.k_n: is"),
         ('"600 MPa"', '"600 N"', 'cuts.slot.k_t: is "600 N", a force, expected a cutting coefficient'),
         ('"rigid"', '"stiff"', 'cuts.slot.y: is "stiff", expected a table, "as x" or "rigid"'),
         ('"tip.csv"', '"tipp.csv"', 'cuts.slot.x.file: is "tipp.csv", which does not exist'),
@@ -196,6 +214,13 @@ def test_predicted_tips(tmp_path: Path) -> None:
     assert len(found.plot().axes) == 2
 
 
+def test_a_predicted_tip_outside_of_its_lines(tmp_path: Path) -> None:
+    narrow = PREDICTED.replace('upper = "4 kHz"', 'lower = "600 Hz"\nupper = "900 Hz"').partition("[cuts.boring]")[0]
+    text, _ = [one for one in load(tmp_path, changed(*DAMPED) + narrow).stability().rejection if "rises to" in one]
+    assert text.startswith("cuts.rough: the magnitude of the tip in x rises to the last of the lines, at 900 Hz")
+    assert text.endswith("(`lower` and `upper` under [prediction])")
+
+
 def test_draws_scatter_as_to_first_order(tmp_path: Path) -> None:
     """Sampled against linear: standard deviations of natural frequencies, and what two assemblies share."""
     known = ('"joint.k_y" = { lower = "1e7 N/m", upper = "1e10 N/m" }\n', "")
@@ -220,7 +245,7 @@ def test_semi_discretisation(tmp_path: Path) -> None:
         'step = "250 rpm"\ndraws = 40',
         'step = "6000 rpm"\ndraws = 20\nmethod = "semi-discretisation"\nlargest_depth = "20 mm"',
     )
-    text = text.replace('"200 N/mm^2"', '"200 MPa"\nimmersion = 0.1\ntolerance = { k_t = "10 %" }')
+    text = text.replace('"200 N/mm^2"', '"200 MPa"\nradial_depth = 0.1\ntolerance = { k_t = "10 %" }')
     (one,) = load(tmp_path, text).stability().values()
     mean = load(tmp_path, text.replace("semi-discretisation", "mean force")).stability()["slot"]
     assert one.draws is not None
@@ -305,6 +330,8 @@ def test_lines_that_do_not_contain_the_mode_give_no_limit(
     write(tmp_path / "tip.csv", FRF(frequency_hz=lines, values=TIP.receptance(lines)[:, 0, 0]))
     found = load(tmp_path, MEASURED.replace("draws = 40", f'draws = 40\nmethod = "{method}"')).stability()
     assert words in found.rejection[0]
+    assert found.rejection[0].startswith("cuts.slot: ")
+    assert found.rejection[0].endswith("frequencies (a wider measurement, or wider `bands`)")
     lobes = found["slot"]
     assert np.isnan(lobes.depth).all()
     assert lobes.best_cuts == ()
@@ -314,3 +341,87 @@ def test_lines_that_do_not_contain_the_mode_give_no_limit(
     assert found.to_dict()["cuts"][0]["always_stable"] is None
     assert words in found.plot().get_suptitle().replace("\n", " ")
     assert words in found.to_html()
+
+
+def two_directions(folder: Path) -> str:
+    """Write tips that differ in x and y, and return a campaign with them."""
+    write_tip(folder)
+    across = TipModes(frequency_hz=[1050.0, 2000.0], damping_ratio=[0.03, 0.02], shapes=[[4.0, 0.0], [4.0, 0.0]])
+    write(folder / "across.csv", FRF(frequency_hz=LINES, values=across.receptance(LINES)[:, 0, 0]))
+    return MEASURED.replace("teeth = 2", "teeth = 2\nradial_depth = 0.4").replace('"rigid"', '{ file = "across.csv" }')
+
+
+@pytest.mark.parametrize("method", ["mean force", "semi-discretisation"])
+def test_a_tip_that_was_measured_at_an_angle_to_the_feed(tmp_path: Path, method: str) -> None:
+    text = two_directions(tmp_path).replace("draws = 40", f'draws = 40\nmethod = "{method}"')
+    text = text.replace('"250 rpm"', '"9000 rpm"').replace(', standard_deviation = "2 %"', "")
+    exchanged = text.replace("tip.csv", "other.csv").replace("across.csv", "tip.csv").replace("other.csv", "across.csv")
+
+    def limits(text: str, angle: str = "") -> np.ndarray:
+        rotated = text.replace("teeth = 2", f'teeth = 2\nrotation = "{angle}"') if angle else text
+        return load(tmp_path, rotated).stability()["slot"].depth
+
+    plain = limits(text)
+    np.testing.assert_array_equal(limits(text, "0 deg"), plain)
+    np.testing.assert_allclose(limits(text, "90 deg"), limits(exchanged), rtol=1e-6)
+    between = limits(text, "30 deg")
+    assert np.abs(between / plain - 1.0).max() > 0.05
+    np.testing.assert_allclose(limits(text, "210 deg"), between, rtol=1e-6)
+    np.testing.assert_allclose(limits(exchanged, "-60 deg"), between, rtol=1e-6)
+
+
+def test_the_rotation_is_in_the_output(tmp_path: Path) -> None:
+    text = two_directions(tmp_path).replace("teeth = 2", 'teeth = 2\nrotation = "30 deg"')
+    found = load(tmp_path, text).stability()
+    assert found["slot"].tips["x"] == "measured, tip.csv, 30 deg from the feed"
+    same = text.replace('{ file = "across.csv" }', '"as x"')
+    assert 'cuts.slot.rotation: has no effect with y = "as x"' in load(tmp_path, same).notes[0]
+
+
+def test_radial_depths_and_words_of_the_workshop(tmp_path: Path) -> None:
+    """A length, a percentage and a number are one share; climb is down, conventional is up."""
+    write_tip(tmp_path)
+    cuts = [
+        load(tmp_path, MEASURED.replace("teeth = 2", f"teeth = 2\n{keys}")).cuts["slot"]
+        for keys in (
+            'radial_depth = "3 mm"\ndiameter = "12 mm"\nfeed = "climb"',
+            'radial_depth = "25 %"\nfeed = "down"\ndiameter = "12 mm"',
+            'radial_depth = 0.25\nfeed = "conventional"\ndiameter = "12 mm"',
+        )
+    ]
+    assert cuts[0].cut == cuts[1].cut
+    assert [cut.cut.feed for cut in cuts if isinstance(cut.cut, Milling)] == ["down", "down", "up"]
+    # In a catalogue a length refers to the diameter of each tool.
+    other = [cut.with_tool(3, 0.006).cut for cut in cuts]
+    assert [(cut.teeth, cut.immersion) for cut in other if isinstance(cut, Milling)] == [(3, 0.5), (3, 0.25), (3, 0.25)]
+
+
+def test_unequal_teeth_in_a_campaign(tmp_path: Path) -> None:
+    write_tip(tmp_path)
+    text = MEASURED.replace(
+        'step = "250 rpm"\ndraws = 40',
+        'step = "9000 rpm"\ndraws = 20\nmethod = "semi-discretisation"\nlargest_depth = "20 mm"',
+    )
+    cutter = 'pitch = ["165 deg", "195 deg"]\nhelix = ["30 deg", "33 deg"]\ndiameter = "12 mm"'
+    text = text.replace("teeth = 2", f"teeth = 2\nradial_depth = 0.5\n{cutter}").replace(
+        ', standard_deviation = "2 %"', ""
+    )
+    campaign = load(tmp_path, text)
+    found = campaign.stability()["slot"]
+    assert found.title_of_cut().startswith("slot: 2 teeth, pitch 165, 195 deg, helix 30, 33 deg, down-milling")
+    cut = Milling(
+        teeth=2,
+        k_t=6e8,
+        k_n=2e8,
+        immersion=0.5,
+        diameter=0.012,
+        pitch_deg=(165.0, 195.0),
+        helix_deg=(30.0, 33.0),
+    )
+    expected = semi_discretised_limit(cut, TIP, speeds_rpm=found.speeds_rpm, most=0.02)
+    np.testing.assert_allclose(found.depth, expected, rtol=2e-3)
+    assert json.loads(json.dumps(found.to_dict()))["cut"]["pitch_deg"] == [165.0, 195.0]
+    with pytest.raises(
+        CampaignError, match=r"the metric stable_depth uses the mean force: cuts\.slot: helix_deg differs"
+    ):
+        named_metrics(campaign, ["stable_depth"])

@@ -142,11 +142,17 @@ def test_questions_on_a_terminal(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     answers = [
         *("Frequenz [Hz],Real,Imag,Coh", "g/N", "none", "12", "", "80", "80 mm", "20 mm", "carbid", "carbide"),
         *("48 mm x 50 mm, 90x44/16 mm", "steel", "400 mm", "48 mm", "laser", "spindle"),
+        *("", "tip", "", "holder@4", "holder@4 mm"),
     ]
     monkeypatch.setattr("sys.stdin", Terminal("\n".join(answers) + "\n"))
     assert call("new", "made", "tool_60mm.csv", "bare.csv") == 0
     text = capsys.readouterr().out
-    for words in ('this is "none", expected a whole number', 'this is "80", without a unit', "did you mean", "400 mm"):
+    said = ('this is "none", expected a whole number', 'this is "80", without a unit', "did you mean", "400 mm")
+    for words in (
+        *said,
+        'this is "holder@4", whose distance is "4", without a unit',
+        "no record has hit and sensor on",
+    ):
         assert words in text
     assert "Overhang of tool_60mm, from the holder's face to the tip (such as 60 mm) [60 mm]" in text
     made = campaign.load("made")
@@ -154,6 +160,7 @@ def test_questions_on_a_terminal(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert made.assemblies["tool_60mm"].get("tool.segment[0].length") == pytest.approx(0.06)
     assert made.assemblies["bare"].get("tool.segment[0].length") == pytest.approx(0.08)
     assert made.table.measurements["bare"].averages == 12
+    assert (made.measurements["bare"].response.part, made.measurements["bare"].excitation.part) == ("tool", "holder")
     assert made.table.measurements["tool_60mm"].unit is None
 
 
@@ -334,3 +341,112 @@ def test_another_material(monkeypatch: pytest.MonkeyPatch) -> None:
     holder = campaign.load("made").assemblies["tool_60mm"]
     assert holder.get("holder.segment[0].youngs_modulus") == 70e9
     assert holder.get("holder.segment[0].density") == pytest.approx(2700.0)
+
+
+def in_spindle(*places: str) -> list[str]:
+    """Return the options of a holder in a spindle with hits and sensors at places."""
+    return [*options(support="spindle"), *places]
+
+
+def three_files() -> list[str]:
+    """Write two more files like the first."""
+    frf = read_frf("tool_60mm.csv")
+    for name, factor in (("across.csv", 0.8), ("nose.csv", 0.5)):
+        write(name, frf.with_(values=factor * frf.values))
+    return ["tool_60mm.csv", "across.csv", "nose.csv"]
+
+
+def test_roving_hits_are_in_one_clamping(capsys: pytest.CaptureFixture[str]) -> None:
+    files = three_files()
+    places = ["--response", "tip", "--response", "tip", "--response", "nose"]
+    places += ["--hit", "tip", "--hit", "holder@4 mm -Z", "--hit", "holder@end"]
+    assert call("new", "made", *files, *in_spindle(*places)) == 0
+    assert "Missing" not in capsys.readouterr().out
+    made = campaign.load("made")
+    assert list(made.assemblies) == ["overhang 60 mm"]
+    seen = made.table.measurements
+    assert (seen["across"].excitation.part, seen["across"].excitation.position) == ("holder", pytest.approx(0.004))
+    assert (seen["across"].excitation.direction, seen["across"].response.direction) == ("-y", "+y")
+    assert (seen["nose"].response.part, seen["nose"].excitation.position) == ("holder", "end")
+    assert campaign.missing_records(made) == ()
+
+
+@pytest.mark.parametrize(
+    ("hits", "words"),
+    [
+        (["tip", "tip", "tip"], ("no record is across joint", "no record has hit and sensor on holder")),
+        (["tip", "nose", "holder@4 mm"], ("no record has hit and sensor on holder",)),
+    ],
+)
+def test_records_that_are_missing_are_named_with_what_to_type(
+    hits: list[str], words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What the message says to type is what is missing."""
+    files = three_files()
+    chosen = [word for hit in hits for word in ("--hit", hit)]
+    assert call("new", "made", *files, *in_spindle("--response", "tip", *chosen)) == 0
+    output = " ".join(capsys.readouterr().out.split())
+    missing = campaign.missing_records(campaign.load("made"))
+    assert len(missing) == len(words)
+    for text, expected in zip(missing, words, strict=True):
+        assert expected in text
+        assert expected in output
+        assert text in campaign.CampaignCheck(campaign.load("made")).warnings()
+    places = re.findall(r"--response '(.+?)' --hit '(.+?)'", " ".join(missing))
+    assert len(places) == len(words)
+    added = [word for response, hit in places for word in ("--response", response, "--hit", hit)]
+    rest = ["--response", "tip", "--hit", "nose"] * (3 - len(places))
+    assert call("new", "again", *files, *in_spindle(*added, *rest)) == 0
+    assert campaign.missing_records(campaign.load("again")) == ()
+
+
+@pytest.mark.parametrize(
+    ("header", "directions"),
+    [
+        ("Frequency (Hz),1:+Z/2:-Z Real (g/N),1:+Z/2:-Z Imag (g/N)", ("+y", "-y")),
+        (
+            "Frequency [Hz],H1(Point 1 -X;Point 2 -X) Real [m/s²/N],H1(Point 1 -X;Point 2 -X) Imag [m/s²/N]",
+            ("-y", "-y"),
+        ),
+        ("Frequency (Hz),Z- Real ((m/s^2)/N),Z- Imaginary ((m/s^2)/N)", ("+y", "+y")),
+        ("Frequency Hz,Real Y+ Y- g/N,Imag Y+ Y- g/N", ("+y", "-y")),
+        ("Hz,1:-3/7:+3 Real [g/N],1:-3/7:+3 Imag [g/N]", ("-y", "+y")),
+    ],
+)
+def test_directions_in_the_header(header: str, directions: tuple[str, str]) -> None:
+    """Both are read, or none: one alone does not say whether the other has the same sign."""
+    rows = [f"{10 * i},{i},{-0.1 * i}" for i in range(1, 9)]
+    Path("one.csv").write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    given = ["--standard-deviation", "2 %", "--hit", "holder@4 mm", "--response", "tip"]
+    assert call("new", "made", "one.csv", *in_spindle(*given)) == 0
+    table = campaign.load("made").table.measurements["one"]
+    assert (table.response.direction, table.excitation.direction) == directions
+
+
+@pytest.mark.parametrize(
+    ("places", "message"),
+    [
+        (["--hit", "holder4"], '--hit of tool_60mm is "holder4", expected a place such as "tool@0 mm"'),
+        (["--hit", "body@3 mm"], '--hit of tool_60mm is "body@3 mm", which names "body", expected one of "tool"'),
+        (["--hit", "holder@4 kg"], 'whose distance is "4 kg", a mass, expected a place'),
+        (["--hit", "holder@900 mm"], "excitation.position: is 900 mm, expected at most the length 138 mm"),
+        (["--hit", "tip -X +Z"], "expected a place such as"),
+        (["--hit", "tip", "--hit", "nose"], "2 --hit are given for 1 measurements, expected one for each"),
+        (
+            ["--hit", "tip +X", "--response", "tip +Z"],
+            "the response is along Z and the hits along X, expected one axis",
+        ),
+        ([], r"--response 'tool_60mm=tool@0 mm'  Place of the sensor"),
+    ],
+)
+def test_wrong_places(places: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    before = left()
+    more = ["--response", "tip"] if places and "--response" not in places else []
+    assert call("new", "made", "tool_60mm.csv", *in_spindle(*places, *more)) == 2
+    assert message in capsys.readouterr().err
+    assert left() == before
+
+
+def test_one_overhang_of_several_files_without_hits_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("new", "made", *three_files(), *options()) == 2
+    assert "1 --overhang is given for 3 measurements, expected one for each" in capsys.readouterr().err

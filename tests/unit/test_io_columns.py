@@ -277,3 +277,31 @@ def test_the_size_of_a_text_is_limited(tmp_path: Path, monkeypatch: pytest.Monke
         (tmp_path / name).write_bytes(gzip.compress(content) if name.endswith("gz") else content)
         with pytest.raises(FileFormatError, match="the text has 129 bytes or more, expected at most 100"):
             read(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "role", "entry"),
+    [
+        ("Real ((m/s^2)/N)", "(m/s^2)/N", "real", ""),
+        ("Imag (m/s²)/N", "(m/s²)/N", "imaginary", ""),
+        ("Z+ Real [m/s²/N]", "m/s²/N", "real", "Z+"),
+        ("Point 1 +X Imag (g/N)", "g/N", "imaginary", "Point 1 +X"),
+        ("1:+Z Magnitude ((m/s²)/N)", "(m/s²)/N", "magnitude", "1:+Z"),
+        ("1:+Z Phase (deg)", "deg", "phase", "1:+Z"),
+        ("FRF 1:+Z Real (g/N)", "g/N", "real", "1:+Z"),
+        ("H1(1:+Z;2:-Z) Imag [g/N]", "g/N", "imaginary", "1:+Z;2:-Z"),
+        ("1:+Z/2:+Z Real [g/N]", "g/N", "real", "1:+Z/2:+Z"),
+        ("Real Z+ g/N", "g/N", "real", "Z+"),
+        ("1:+Z Coherence", None, "coherence", "1:+Z"),
+        ("Frequency Hz", "Hz", "frequency", ""),
+        ("Hz", "Hz", "frequency", ""),
+    ],
+)
+def test_points_and_directions_as_analysers_write_them(name: str, unit: str | None, role: str, entry: str) -> None:
+    column = parse_column(name)
+    assert (column.unit, column.role, column.entry) == (unit, role, entry)
+
+
+@pytest.mark.parametrize("name", ["Force 1:+Z (N)", "Acc 2:-Z (m/s²)", "Ch1:Force (N)", "Hammer", "Point 1 Z+"])
+def test_channels_of_time_records_stay_channels(name: str) -> None:
+    assert parse_column(name).role == "channel"

@@ -17,9 +17,11 @@ from receptance.stability import (
     Turning,
     floquet_multiplier,
     receptance_matrix,
+    rotated_receptance,
     semi_discretised_limit,
     stability_lobes,
 )
+from receptance.sweep import StableDepth
 
 SEED = 20261121
 TIP = TipModes(frequency_hz=[922.0, 1400.0], damping_ratio=[0.011, 0.02], shapes=[[5.0, 0.0], [0.0, 4.0]])
@@ -38,6 +40,14 @@ SPEEDS = np.arange(4000.0, 30000.0, 100.0)
         ({"immersion": 1.2}, "immersion is 1.2, expected more than zero and at most 1"),
         ({"immersion": 0.0}, "immersion is 0"),
         ({"feed": "climb"}, "feed is 'climb', expected one of down, up"),
+        ({"helix_deg": 30.0}, "diameter is None, expected the diameter of the cutter, from which the lag of a helix"),
+        ({"helix_deg": 80.0, "diameter": 0.01}, r"helix_deg\[0\] is 80, expected at least -75 and at most 75 deg"),
+        (
+            {"helix_deg": (10.0, 20.0, 30.0), "diameter": 0.01},
+            "helix_deg has 3 angles, expected 2, one for each of the",
+        ),
+        ({"pitch_deg": (170.0, 180.0)}, "the sum of pitch_deg is 350 degrees, expected 360"),
+        ({"pitch_deg": (2.0, 358.0)}, r"pitch_deg\[0\] is 2, expected at least 5 and at most 360 deg"),
     ],
 )
 def test_invalid_cuts(changes: dict[str, Any], words: str) -> None:
@@ -154,6 +164,39 @@ def test_invalid_lobes_and_notes() -> None:
     assert [line[:64] for line in lobes.rejection] == [
         f"the magnitude of the tip in {axis} rises to the last of the lines, at" for axis in "xy"
     ]
+
+
+def test_rotation_of_a_tip() -> None:
+    """Identity at 0, exchange at 90 degrees, and between them the tensor of a tip that is flexible in one direction."""
+    both = TIP.receptance(LINES)
+    np.testing.assert_allclose(rotated_receptance(both, 0.0), both, rtol=1e-15)
+    np.testing.assert_allclose(rotated_receptance(both, 90.0), both[:, ::-1, ::-1], rtol=1e-12, atol=1e-20)
+    one = TipModes(frequency_hz=[922.0], damping_ratio=[0.011], shapes=[[5.0, 0.0]])
+    direction = np.array([np.cos(np.pi / 6.0), np.sin(np.pi / 6.0)])
+    expected = one.receptance(LINES)[:, :1, :1] * np.outer(direction, direction)
+    np.testing.assert_allclose(rotated_receptance(one.receptance(LINES), 30.0), expected, rtol=1e-12)
+    np.testing.assert_allclose(one.rotated(30.0).receptance(LINES), expected, rtol=1e-12)
+    with pytest.raises(ValueError, match=r"receptance has shape \(2000,\), expected \(..., 2, 2\)"):
+        rotated_receptance(both[:, 0, 0], 30.0)
+    with pytest.raises(ValueError, match="rotation_deg is nan"):
+        rotated_receptance(both, np.nan)
+
+
+def test_teeth_with_different_delays_have_no_limit_by_the_mean_force() -> None:
+    uneven = replace(CUT, pitch_deg=(100.0, 125.0, 135.0))
+    twisted = replace(CUT, helix_deg=(30.0, 32.0, 34.0), diameter=0.01)
+    for cut, words in ((uneven, "pitch_deg differs between teeth"), (twisted, "helix_deg differs between teeth")):
+        with pytest.raises(ValueError, match=f"{words}.*expected equal teeth, or semi_discretised_lobes"):
+            stability_lobes(cut, LINES, TIP.receptance(LINES), speeds_rpm=SPEEDS)
+        with pytest.raises(ValueError, match=words):
+            StableDepth(cut=cut, frequency_hz=LINES)
+    # Equal angles are those of a cutter without them; one helix of all teeth changes neither mean nor delay.
+    equal = replace(CUT, pitch_deg=(120.0,) * 3)
+    assert equal == CUT
+    same = replace(CUT, helix_deg=(30.0,) * 3, diameter=0.01)
+    assert same.helix_deg == 30.0
+    limits = [stability_lobes(c, LINES, TIP.receptance(LINES), speeds_rpm=SPEEDS).depth for c in (CUT, same)]
+    np.testing.assert_array_equal(*limits)
 
 
 def test_semi_discretisation_errors() -> None:

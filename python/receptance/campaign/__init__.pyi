@@ -14,6 +14,7 @@ from .prediction import Prediction as Prediction
 from .prediction import predict_assembly as predict_assembly
 from .problems import CampaignError as CampaignError
 from .problems import Issue as Issue
+from .records import missing_records as missing_records
 from .run import Campaign as Campaign
 from .run import load as load
 from .schema_document import field_tables as field_tables

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import fit_inputs, joints_to_invert, observed_unknowns, transfer_errors
 from receptance.campaign.problems import CampaignError
+from receptance.campaign.records import missing_records
 from receptance.report import Column, Provenance, Result, Table
 
 _MOST_NAMED = 3
@@ -129,7 +130,7 @@ class CampaignCheck(Result):
     def warnings(self) -> Sequence[str]:
         """Return what the description lacks, with the keys to write."""
         one = self.campaign
-        found = []
+        found = list(missing_records(one))
         frfs = {name: observation for name, observation in one.measurements.items() if observation.is_receptance}
         bare = [name for name in frfs if one.table.measurements[name].sensor is None]
         if bare:

@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
-from receptance.campaign.build import Mistake
+import numpy as np
+
+from receptance.campaign.build import Builder, Mistake
+from receptance.campaign.keys import ElementTable
 from receptance.campaign.measurements import MeasurementReader, read_entry, restrict_to_bands
 from receptance.campaign.problems import KeyPath
 from receptance.campaign.schema import TipTable
@@ -14,6 +18,7 @@ from receptance.fit import Observation
 from receptance.frf import FRF
 from receptance.frf.frf import with_variance
 from receptance.stability import Lobes, Milling, Turning
+from receptance.stability.cutting import CLOSED_DEG
 from receptance.stability.tip import require_drive_point
 
 
@@ -45,6 +50,10 @@ class CampaignCut:
     """Tip across it; None if it is rigid."""
     spread: dict[str, float] = field(default_factory=dict)
     """Standard deviations of the logarithms of the coefficients."""
+    rotation_deg: float = 0.0
+    """Angle in degrees from the feed to the direction of `x`."""
+    radial_depth: float | None = None
+    """Radial depth in m, if the file states it as a length."""
 
     @property
     def tips(self) -> tuple[Tip, ...]:
@@ -58,8 +67,23 @@ class CampaignCut:
 
     def label(self, lobes: Lobes) -> Lobes:
         """Return lobes with the name, the tips and the coefficients of this cut."""
-        tips = {"x": self.x.name, "y": None if self.y is None else self.y.name}
+        rotated = f", {self.rotation_deg:g} deg from the feed" if self.rotation_deg else ""
+        tips = {"x": f"{self.x.name}{rotated}", "y": None if self.y is None else self.y.name}
         return replace(lobes, name=self.name, tips=tips, spread=self.spread)
+
+    def with_tool(self, teeth: int | None, diameter: float) -> CampaignCut:
+        """Return the cut with a tool of another number of teeth, if it is known, and of another diameter in m.
+
+        Raises
+        ------
+        ValueError
+            Teeth that differ in pitch or helix.
+        """
+        if not isinstance(self.cut, Milling):
+            return self
+        self.cut.require_even(f"cuts.{self.name}")
+        immersion = self.cut.immersion if self.radial_depth is None else min(self.radial_depth / diameter, 1.0)
+        return replace(self, cut=replace(self.cut, teeth=teeth or self.cut.teeth, immersion=immersion))
 
     def drawn(self, draws: int, seed: int) -> tuple[Milling, ...] | tuple[Turning, ...] | None:
         """Return cuts with drawn coefficients; None if the coefficients are exact."""
@@ -76,17 +100,53 @@ def build_cut(name: str, reader: MeasurementReader, measurements: Mapping[str, O
         for key, deviation in own.tolerance.items()
         if getattr(own, key) > 0.0
     }
-    angle = {} if own.kind == "milling" else {"angle_deg": own.angle}
+    made_from = {"angle_deg": own.angle} if own.kind == "turning" else _of_cutter(own, path, builder)
     tips = {"x": own.x} if own.kind == "turning" or isinstance(own.y, str) else {"x": own.x, "y": own.y}
     cut, *made = builder.together(
         (
-            partial(builder.element, own, path, **angle),
+            partial(builder.element, own, path, **made_from),
             *(partial(_tip, (*path, key), table, reader, measurements) for key, table in tips.items()),
         )
     )
     builder.require(path)
     rigid = own.kind == "turning" or own.y == "rigid"
-    return CampaignCut(name=name, cut=cut, spread=spread, x=made[0], y=None if rigid else made[-1])
+    tip = CampaignCut(name=name, cut=cut, spread=spread, x=made[0], y=None if rigid else made[-1])
+    if own.kind == "turning":
+        return tip
+    if own.rotation and own.y == "as x":
+        builder.note((*path, "rotation"), 'has no effect with y = "as x": the tip is then the same in all directions')
+    depth, is_length = own.radial_depth
+    return replace(tip, rotation_deg=own.rotation, radial_depth=depth if is_length else None)
+
+
+def _of_cutter(own: ElementTable, path: KeyPath, builder: Builder) -> dict[str, Any]:
+    """Return the fields of a milling cut that its keys state in other terms; mistakes are added."""
+    depth, is_length = own.radial_depth
+    at = (*path, "radial_depth")
+    if is_length and own.diameter is None:
+        text = f"is {1e3 * depth:g} mm, but the cut has no diameter, expected that of the cutter beside it, such as "
+        builder.problems.add(at, f'{text}`diameter = "12 mm"`, or a share of it such as 0.5')
+    elif is_length and depth > own.diameter:
+        text = f"is {1e3 * depth:g} mm, more than the diameter of the cutter, {1e3 * own.diameter:g} mm"
+        builder.problems.add(at, f"{text}, expected at most the diameter, which is a slot")
+    pitch, helix = own.pitch or (), own.helix or 0.0
+    for key, angles in (("pitch", pitch), ("helix", helix)):
+        if isinstance(angles, list) and len(angles) != own.teeth:
+            number = f"{len(angles)} angle{'s' if len(angles) > 1 else ''}"
+            builder.problems.add((*path, key), f"has {number}, expected {own.teeth}, one for each of the teeth")
+    if pitch and len(pitch) == own.teeth and abs(sum(pitch) - 360.0) > CLOSED_DEG:
+        text = f"has the sum {sum(pitch):.6g} deg, expected 360 deg, a turn"
+        builder.problems.add((*path, "pitch"), text)
+    if np.any(helix) and own.diameter is None:
+        text = 'is given without the diameter of the cutter, expected `diameter = "12 mm"` beside it'
+        builder.problems.add((*path, "helix"), text)
+    builder.require(path)
+    immersion = depth / own.diameter if is_length else depth
+    return {
+        "immersion": immersion,
+        "pitch_deg": tuple(pitch),
+        "helix_deg": tuple(helix) if isinstance(helix, list) else helix,
+    }
 
 
 def _tip(path: KeyPath, table: TipTable, reader: MeasurementReader, measurements: Mapping[str, Observation]) -> Tip:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from receptance.campaign.data import CampaignData
-from receptance.campaign.identification import check_unknowns, observed_unknowns, started_by_mode
+from receptance.campaign.identification import check_unknowns, observed_unknowns, parts_to_start, started_by_mode
 from receptance.campaign.problems import errors_about
 from receptance.diagnosis import Cause, Metric, Verdict, diagnose
 from receptance.diagnosis.by_mode import bias_of, slenderness_of
@@ -49,9 +49,10 @@ def diagnose_campaign(
     if not seen:
         raise campaign.error('there is no measurement for the diagnosis, expected one with the role "identify"')
     model, left_out = base_model(campaign, seen)
-    started = started_by_mode(campaign, model.observations, model.unknowns)
-    if started is not None:
-        model = replace(model, unknowns=tuple(started))
+    by_mode = bool(parts_to_start(campaign))
+    if by_mode:
+        unknowns, tolerances = started_by_mode(campaign, model.observations, model.unknowns, model.tolerances)
+        model = replace(model, unknowns=tuple(unknowns), tolerances=tuple(tolerances))
     settings = campaign.table.settings
     with errors_about(campaign.file):
         verdict = diagnose(
@@ -78,7 +79,7 @@ def diagnose_campaign(
         found = improvement(verdict.selection, verdict.explanation, unseen, metrics)
         verdict = replace(verdict.with_improvement(found), held_out=unseen)
     notes += [*left_out, *verdict.notes]
-    if started is not None:
+    if by_mode:
         notes += _notes_on_modes(campaign, verdict)
     return replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=campaign.provenance())
 

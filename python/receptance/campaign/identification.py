@@ -25,6 +25,9 @@ from receptance.report import Column, Provenance, Results, Table
 from receptance.report.table import Cell
 from receptance.units import split
 
+_TOLERANCE_OF_MODES = 1e-6
+"""Relative change at which a fit of unknown modes has converged: along its flat valleys the cost falls for long by
+amounts that are small beside 1."""
 _MODE_OF = re.compile(r"mode\[(\d+)\]")
 
 
@@ -34,7 +37,7 @@ def identify_campaign(campaign: CampaignData) -> Identification:
     settings = campaign.table.settings
     observations = list(campaign.to_identify.values())
     lines = sum(o.frequency_hz.size for o in observations)
-    by_level, unknowns, options = fit_options(campaign, observations, unknowns)
+    by_level, unknowns, tolerances, options = fit_options(campaign, observations, unknowns, tolerances)
     campaign.progress(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {options['starts']} starts")
     with errors_about(campaign.file):
         fit = identify(observations, unknowns, tolerances=tolerances, seed=settings.seed, **options)
@@ -102,55 +105,70 @@ def check_unknowns(campaign: CampaignData) -> None:
 
 
 def fit_options(
-    campaign: CampaignData, observations: Sequence[Observation], unknowns: Sequence[Unknown]
-) -> tuple[bool, list[Unknown], dict[str, Any]]:
-    """Return whether the levels of a series are fitted separately first, unknowns with start values, and options."""
+    campaign: CampaignData,
+    observations: Sequence[Observation],
+    unknowns: Sequence[Unknown],
+    tolerances: Sequence[Tolerance],
+) -> tuple[bool, list[Unknown], list[Tolerance], dict[str, Any]]:
+    """Return whether levels of a series are fitted separately first, unknowns and errors with starts, and options."""
     settings = campaign.table.settings
     by_level = campaign.table.series is not None and any(
         isinstance(unknown, Law) and unknown.free for unknown in unknowns
     )
-    started = started_by_mode(campaign, observations, unknowns)
-    by_mode = started is not None
-    if started is None and by_level:
-        started = started_by_level(campaign, observations, unknowns)
+    by_mode = bool(parts_to_start(campaign))
+    if by_mode:
+        unknowns, tolerances = started_by_mode(campaign, observations, unknowns, tolerances)
+    elif by_level:
+        unknowns = started_by_level(campaign, observations, unknowns)
     return (
         by_level,
-        list(unknowns) if started is None else started,
+        list(unknowns),
+        list(tolerances),
         {
             "objective": settings.objective,
             "band_width_percent": 100.0 * settings.band_width,
             "starts": 1 if by_level or by_mode else settings.starts,
-            "max_evaluations": settings.max_evaluations,
+            # The one start by modes has the evaluations of all starts.
+            "max_evaluations": settings.max_evaluations * (settings.starts if by_mode else 1),
+            **({"tolerance": _TOLERANCE_OF_MODES} if by_mode else {}),
             "threads": campaign.threads,
             "strategy": "direct" if by_level or by_mode else settings.strategy,
         },
     )
 
 
-def started_by_mode(
-    campaign: CampaignData, observations: Sequence[Observation], unknowns: Sequence[Unknown]
-) -> list[Unknown] | None:
-    """Return unknowns with the starts of a fit to which the modes of modal parts were added; None without such modes.
-
-    Modes with a row of their own among the unknowns have the start of that row.
-    """
-    table = campaign.table
-    started: list[Unknown] | None = None
+def parts_to_start(campaign: CampaignData) -> list[str]:
+    """Return the modal parts whose modes are unknown. A mode with a row among the unknowns has the start of the row."""
+    table, names = campaign.table, []
     for name, part in table.modal_parts.items():
         given = {match[1] for address in table.unknowns if (match := _MODE_OF.match(address.removeprefix(f"{name}.")))}
-        if not part.identify or len(given) == len(part.modes):
-            continue
-        campaign.progress(f"adding the {len(part.modes)} modes of {name} one at a time")
+        if part.identify and len(given) < len(part.modes):
+            names.append(name)
+    return names
+
+
+def started_by_mode(
+    campaign: CampaignData,
+    observations: Sequence[Observation],
+    unknowns: Sequence[Unknown],
+    tolerances: Sequence[Tolerance],
+) -> tuple[list[Unknown], list[Tolerance]]:
+    """Return unknowns and errors with the starts of a fit to which the modes of modal parts were added."""
+    settings = campaign.table.settings
+    begun = list(unknowns), list(tolerances)
+    for name in parts_to_start(campaign):
+        campaign.progress(f"adding the {len(campaign.table.modal_parts[name].modes)} modes of {name} one at a time")
         with errors_about(campaign.file):
-            started = start_modes(
+            begun = start_modes(
                 observations,
-                unknowns if started is None else started,
+                begun[0],
                 name,
-                starts=table.settings.starts,
-                seed=table.settings.seed,
+                tolerances=begun[1],
+                starts=settings.starts,
+                seed=settings.seed,
                 threads=campaign.threads,
             )
-    return started
+    return begun
 
 
 def weighted_tolerances(campaign: CampaignData, seen: Mapping[str, Observation]) -> list[Tolerance]:

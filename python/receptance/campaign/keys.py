@@ -88,8 +88,11 @@ class Place:
             elif name not in of.defaults:
                 values[name] = WRONG
                 if name not in misspelt:
-                    tables = "" if self.path else f", expected tables such as [{name}.NAME]"
-                    self.at(name).mistake(f"is missing{tables}")
+                    meaning = declaration.doc.partition(";")[0]
+                    if isinstance(declaration, Number):
+                        meaning = f"{meaning}, such as {declaration.quantity.example}"
+                    expected = f": {meaning}" if self.path else f", expected tables such as [{name}.NAME]"
+                    self.at(name).mistake(f"is missing{expected}")
         return values
 
     def name(self, name: str, *sections: str) -> None:

@@ -263,6 +263,11 @@ def _check_stability(table: CampaignTable, problems: Problems) -> None:
         if table.stability.method == "semi-discretisation" and cut.kind == "turning":
             text = "is turning, but `stability.method` is semi-discretisation, which is for milling; expected milling"
             problems.add(("cuts", name), text)
+        for key in ("pitch", "helix") if table.stability.method == "mean force" and cut.kind == "milling" else ():
+            angles = getattr(cut, key)
+            if isinstance(angles, list) and len(set(angles)) > 1:
+                text = "differs between teeth, and so do the delays, for which the mean force has no limit; expected "
+                problems.add(("cuts", name, key), f'{text}`method = "semi-discretisation"` under [stability]')
 
 
 _WEIGHTS = {

@@ -49,6 +49,7 @@ from receptance.campaign.values import (
     parse_force_window,
     parse_frequency_deviation,
     parse_level,
+    parse_radial_depth,
     parse_share,
 )
 from receptance.model.beams import Material, Segment, SpreadJoint
@@ -573,8 +574,30 @@ class TurningKeys(KeyTable):
 
 
 class MillingKeys(KeyTable):
-    """A milling cut with straight, evenly spaced teeth."""
+    """A milling cut."""
 
+    radial_depth: tuple[float, bool] = Value(
+        "radial depth (width) of cut: a share of the diameter, or a length, which needs `diameter`; 1 for a slot",
+        lambda written, _: parse_radial_depth(written),
+        {"anyOf": PLAIN, "examples": [0.5, "50 %", "6 mm"]},
+    ).default((1.0, False))
+    pitch = ListOf(
+        "angle from each tooth to the one that follows it, for all teeth, their sum is a turn; by default equal. "
+        "Unequal ones need semi-discretisation",
+        Number(units.PITCH, ""),
+        least=1,
+    ).default(None)
+    helix = one_or_list(
+        "helix angle, one for all teeth, or a list with one for each; it needs `diameter`. Different ones need "
+        "semi-discretisation",
+        Number(units.HELIX, ""),
+        'an angle such as "30 deg", or a list of them',
+    ).default(None)
+    rotation = Number(
+        units.DIRECTION,
+        "angle from the feed to the direction in which `x` was measured, positive to the left of the feed seen from "
+        "the spindle; for tips that were measured along the axes of the machine",
+    ).default(0.0)
     x = TipTable.keys("receptance of the tip in the direction of feed").needed()
     y: TipTable | Literal["as x", "rigid"] = Value(
         'receptance across it; `"as x"` the same, `"rigid"` none',
@@ -585,7 +608,7 @@ class MillingKeys(KeyTable):
 
 CUTS = OneKind(
     (
-        element_keys(Milling, kind="milling", more=MillingKeys),
+        element_keys(Milling, kind="milling", more=MillingKeys, without=("immersion", "pitch_deg", "helix_deg")),
         element_keys(Turning, kind="turning", more=TurningKeys, without=("angle_deg",)),
     )
 )

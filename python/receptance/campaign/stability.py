@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -35,6 +35,7 @@ from receptance.stability import (
     critical_depths,
     receptance_draws,
     receptance_matrix,
+    rotated_receptance,
     semi_discretised_lobes,
     stability_lobes,
 )
@@ -45,7 +46,7 @@ _Value = TypeVar("_Value")
 
 
 class Tips:
-    """The tip of a cut in the direction of feed and across it; None for a rigid one.
+    """The tip of a cut in the direction of feed and across it, or rotated from it; None for a rigid one.
 
     `lines` are `(n,)` frequency lines in Hz, and `uncertain` is whether the errors of at least one tip are known.
     """
@@ -55,8 +56,10 @@ class Tips:
         campaign: CampaignData,
         identified: Identification | None,
         tips: Sequence[Tip | None],
+        rotation_deg: float = 0.0,
     ) -> None:
         self.notes: list[str] = []
+        self._rotation_deg = rotation_deg
         # The same tip in both directions has the same draws.
         several = [tip for tip in tips if tip is not None]
         each = [tip for i, tip in enumerate(several) if not any(tip is other for other in several[:i])]
@@ -78,10 +81,21 @@ class Tips:
         self.uncertain = any(source.uncertain for source in self._sources)
 
     def receptance(self) -> NDArray[np.complex128]:
-        """Return the receptance of the tip in m/N, `(n, d, d)` for d directions."""
-        return self._matrix(
-            [s.values() if isinstance(s, _MeasuredTip) else self._receptance_of(s.assembly) for s in self._sources]
-        )
+        """Return the receptance of the tip in m/N, `(n, d, d)` for d directions of the cut."""
+        return self._matrix(self._nominal)
+
+    @cached_property
+    def _nominal(self) -> list[NDArray[np.complex128]]:
+        """The receptance of each source."""
+        return [s.values() if isinstance(s, _MeasuredTip) else self._receptance_of(s.assembly) for s in self._sources]
+
+    def beyond_lines(self) -> tuple[str, ...]:
+        """Return for each direction of the tips that the lines do not contain its mode, and what to do."""
+        measured = [isinstance(source, _MeasuredTip) for source in self._sources]
+        remedies = ["a wider measurement, or wider `bands`"] if any(measured) else []
+        remedies += [] if all(measured) else ["`lower` and `upper` under [prediction]"]
+        texts = beyond_lines(self.lines, self._diagonal(self._nominal))
+        return tuple(f"{text} ({' or '.join(remedies)})" for text in texts)
 
     def receptances(self) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
         """Return valid draws of the receptance `(m, n, d, d)`, and a mask of the valid draws."""
@@ -133,6 +147,12 @@ class Tips:
         )
 
     def _matrix(self, values: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:
+        """Return the matrix in the directions of the cut."""
+        matrix = self._diagonal(values)
+        return rotated_receptance(matrix, self._rotation_deg) if self._rotation_deg else matrix
+
+    def _diagonal(self, values: list[NDArray[np.complex128]]) -> NDArray[np.complex128]:
+        """Return the matrix in the directions of the tips."""
         size = len(self._directions)
         matrix = np.zeros((*values[0].shape, size, size), np.complex128)
         for i, source in enumerate(self._directions):
@@ -143,11 +163,12 @@ class Tips:
     def _joined(self, modes: list[TipModes]) -> TipModes:
         """Return the modes of all directions from sources with shapes in x."""
         chosen = [(i, modes[source]) for i, source in enumerate(self._directions) if source is not None]
-        return TipModes(
+        joined = TipModes(
             frequency_hz=np.concatenate([own.frequency_hz for _, own in chosen]),
             damping_ratio=np.concatenate([own.damping_ratio for _, own in chosen]),
             shapes=np.concatenate([np.roll(own.shapes, i, axis=1) for i, own in chosen]),
         )
+        return joined.rotated(self._rotation_deg) if self._rotation_deg else joined
 
 
 def _predicted_tip(
@@ -225,7 +246,7 @@ def stability_of_campaign(
         campaign.progress(f"lobes of {cut.name}, {number} of {len(chosen)}")
         directions = (cut.x, cut.y) if isinstance(cut.cut, Milling) else (cut.x,)
         with errors_about(campaign.file, f"cuts.{cut.name}: "):
-            tips = Tips(campaign, identified, directions)
+            tips = Tips(campaign, identified, directions, cut.rotation_deg)
             lobes = _lobes(campaign, cut, tips, speeds)
             of_fit = identified.rejection if identified is not None and cut.is_predicted else ()
             found[cut.name] = replace(lobes, rejection=(*of_fit, *lobes.rejection), provenance=provenance)
@@ -239,8 +260,8 @@ def _lobes(campaign: CampaignData, cut: CampaignCut, tips: Tips, speeds: NDArray
     several = cut.drawn(settings.number_of_draws, settings.seed)
     uncertain = tips.uncertain or several is not None
     receptance = tips.receptance()
-    if rejection := beyond_lines(tips.lines, receptance):
-        lobes = without_limits(cut.cut, speeds, tuple(f"{cut.name}: {text}" for text in rejection))
+    if rejection := tips.beyond_lines():
+        lobes = without_limits(cut.cut, speeds, tuple(f"cuts.{cut.name}: {text}" for text in rejection))
         return replace(cut.label(lobes), notes=tuple(dict.fromkeys(tips.notes)))
     if settings.method == "mean force":
         draws, good = tips.receptances() if tips.uncertain else (None, np.ones(settings.number_of_draws, np.bool_))
@@ -256,7 +277,7 @@ def _lobes(campaign: CampaignData, cut: CampaignCut, tips: Tips, speeds: NDArray
         assert isinstance(cut.cut, Milling)
         most = settings.largest_depth
         if most is None:
-            most = _SEARCH_RATIO * float(critical_depths(cut.cut, tips.lines, receptance)[0].min())
+            most = _SEARCH_RATIO * float(critical_depths(cut.cut.even, tips.lines, receptance)[0].min())
         modes, good = tips.drawn_modes() if tips.uncertain else (None, np.ones(settings.number_of_draws, np.bool_))
         lobes = semi_discretised_lobes(
             cut.cut,
@@ -300,6 +321,10 @@ def named_metrics(campaign: CampaignData, names: Sequence[str]) -> dict[str, Met
             )
         if not campaign.cuts:
             raise campaign.error(f"there is no cut for the metric {name}, expected [cuts.NAME]")
+        for cut in campaign.cuts.values():
+            if isinstance(cut.cut, Milling):
+                with errors_about(campaign.file, f"the metric {name} uses the mean force: "):
+                    cut.cut.require_even(f"cuts.{cut.name}")
         if not any(_is_tip_receptance(observation) for observation in campaign.measurements.values()):
             text = f"no measurement can be used for {name}, expected an FRF with response and excitation at one place, "
             text += "both along y"
@@ -334,6 +359,8 @@ def _always_stable_depth(cut: CampaignCut, lines: NDArray[np.float64], receptanc
     matrix = receptance[:, None, None] * np.diag([1.0, 0.0 if cut.y is None else 1.0])
     if isinstance(cut.cut, Turning):
         matrix = receptance[:, None, None]
+    elif cut.rotation_deg:
+        matrix = rotated_receptance(matrix, cut.rotation_deg)
     if beyond_lines(lines, matrix):
         return math.nan
     return float(critical_depths(cut.cut, lines, matrix)[0].min())

@@ -150,6 +150,26 @@ def parse_level(written: Any) -> tuple[float, bool]:
     return float(written), False
 
 
+def parse_radial_depth(written: Any) -> tuple[float, bool]:
+    """Return a radial depth of cut, and whether it is a length in m instead of a share of the diameter.
+
+    Examples
+    --------
+    >>> from receptance.campaign.values import parse_radial_depth
+    >>> parse_radial_depth("6 mm"), parse_radial_depth("50 %"), parse_radial_depth(0.5)
+    ((0.006, True), (0.5, False), (0.5, False))
+    """
+    expected = 'a length such as "6 mm", or a share of the diameter such as 0.5 or "50 %", 1 for a slot'
+    if isinstance(written, str) and not written.rstrip().endswith(("%", "percent")):
+        return parse(written, units.LENGTH, expected), True
+    if isinstance(written, str):
+        share = parse_share(written, expected)
+        if not units.IMMERSION.holds(share):
+            raise ValueError(f"is {shown(written)}, expected {units.IMMERSION.bounds}: {expected}")
+        return share, False
+    return parse(written, units.IMMERSION, expected), False
+
+
 def parse_force_window(written: Any) -> float | Literal["auto", "none"]:
     """Return the length of the force window in s, "auto" or "none"."""
     if written in ("auto", "none"):

@@ -185,19 +185,19 @@ def tool_lobes(prediction: ToolPrediction, campaign: Campaign, cut: str) -> Lobe
     campaign : Campaign
         Campaign with the cut, the spindle speeds and the probability.
     cut : str
-        Name of the cut. The number of teeth is that of the row of the tool, or that of the cut if the row has none.
+        Name of the cut. The number of teeth is that of the row of the tool, or that of the cut if the row has none; a
+        radial depth in mm refers to the diameter of the tool.
 
     Raises
     ------
     CampaignError
         The campaign has no such cut, or no spindle speeds.
     ValueError
-        There are fewer draws than the probability needs.
+        There are fewer draws than the probability needs, or the teeth of the cut differ in pitch or helix.
     """
     settings = campaign.table.stability
     (chosen,) = campaign.select_cuts([cut])
-    if isinstance(chosen.cut, Milling) and prediction.row.teeth is not None:
-        chosen = replace(chosen, cut=replace(chosen.cut, teeth=prediction.row.teeth))
+    chosen = chosen.with_tool(prediction.row.teeth, prediction.row.diameter)
     identity = np.eye(2 if isinstance(chosen.cut, Milling) else 1)
     lobes = stability_lobes(
         chosen.cut,

@@ -135,7 +135,10 @@ def _cut(read: receptance.Campaign, cut: str | None) -> str:
         known = f"there are {', '.join(read.cuts)}" if read.cuts else "the campaign has none"
         raise InputError(f"--depths needs one cut, name it with --cut; {known}")
     name = cut or next(iter(read.cuts))
-    read.select_cuts([name])
+    (chosen,) = read.select_cuts([name])
+    if isinstance(chosen.cut, receptance.stability.Milling):
+        with input_errors():
+            chosen.cut.require_even(f"--depths uses the mean force, and cuts.{name}")
     read.spindle_speeds()
     return name
 

@@ -38,6 +38,87 @@ _NEIGHBOURS = 9
 _CHANNELS = {"force": ("force",), "motion": ("displacement", "velocity", "acceleration")}
 _WIDTH = 110
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
+_LENGTH = re.compile(r"(?<![\d.])(\d+(?:\.\d+)?)\s*_?mm(?![a-z])", re.IGNORECASE)
+"""An overhang in the name of a file, which a question suggests."""
+_PARTS = ("tool", "holder")
+_WORDS = {"tip": ("tool", "0 mm"), "nose": ("holder", "0 mm")}
+"""Names of places."""
+_PLACE = re.compile(r"\s*(?P<part>\w+)\s*@\s*(?P<position>.*?)\s*", re.DOTALL)
+_DIRECTION = re.compile(
+    r"(?<!\w)(?:(?P<before>[+-])(?P<first>[XYZ]|(?<=:[+-])[123])|(?P<last>[XYZ])(?P<after>[+-]))(?!\w)", re.IGNORECASE
+)
+"""A direction as analysers write it, as in `1:+Z`, `Point 1 X-`, `holder@4 mm -Y`, and `1:-3` of universal files."""
+
+# Places ---------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a sensor is, or where hits are: distance in m from the tip-side end of a part, and direction.
+
+    The sign is that in which the channel counts, empty if it is not stated; so is the axis, X, Y or Z.
+    """
+
+    part: str = "tool"
+    position: float | str = 0.0
+    sign: str = ""
+    axis: str = ""
+
+    @property
+    def distance(self) -> str:
+        """The position with its unit."""
+        return self.position if isinstance(self.position, str) else mm(self.position)
+
+    @property
+    def text(self) -> str:
+        """The place as `parse_place` reads it."""
+        return f"{self.part}@{self.distance}" + (f" {self.sign}{self.axis}" if self.axis else "")
+
+    def table(self) -> dict[str, str]:
+        """Return the keys of a coordinate of a campaign; none for the tip."""
+        turned = {"direction": "-y"} if self.sign == "-" else {}
+        is_tip = (self.part, self.position) == ("tool", 0.0)
+        return turned if is_tip else {"part": self.part, "position": self.distance} | turned
+
+
+def parse_place(text: str) -> Place:
+    """Return a place from `PART@DISTANCE`, `tip` or `nose`, with a direction such as `-Z` or without.
+
+    Examples
+    --------
+    >>> from receptance.cli.draft import parse_place
+    >>> parse_place("holder@4 mm -Z")
+    Place(part='holder', position=0.004, sign='-', axis='Z')
+    >>> parse_place("tip").text
+    'tool@0 mm'
+    """
+    expected = 'expected a place such as "tool@0 mm", "holder@4 mm" or "holder@end", with a direction such as "-Z" if '
+    expected += "it is not that of the other channel"
+    directions = list(_DIRECTION.finditer(text))
+    plain = (text[: directions[0].start()] if directions else text).strip()
+    part, position = _WORDS.get(plain.lower(), ("", ""))
+    if match := _PLACE.fullmatch(plain):
+        part, position = match["part"], match["position"]
+    if not part or len(directions) > 1 or (directions and text[directions[0].end() :].strip()):
+        raise ValueError(f"is {shown(text)}, {expected}")
+    if part not in _PARTS:
+        raise ValueError(f"is {shown(text)}, which names {shown(part)}{instead_of(part, _PARTS)}")
+    at: float | str = "end"
+    if position != "end":
+        try:
+            at = units.parse(position, units.LENGTH_OR_ZERO)
+        except ValueError as error:
+            raise ValueError(
+                f"is {shown(text)}, whose distance {str(error).partition(', expected')[0]}, {expected}"
+            ) from None
+    sign, axis = _direction(directions[0]) if directions else ("", "")
+    return Place(part, at, sign, axis)
+
+
+def _direction(match: re.Match[str]) -> tuple[str, str]:
+    axis = (match["first"] or match["last"]).upper()
+    return match["before"] or match["after"], {"1": "X", "2": "Y", "3": "Z"}.get(axis, axis)
+
 
 # Measured files -------------------------------------------------------------------------------------------------------
 
@@ -56,6 +137,37 @@ class MeasuredFile:
     table: dict[str, Any]
     overhang: float = 0.0
     held_out: bool = False
+    response: Place = Place()
+    hit: Place = Place()
+    assembly: str = ""
+
+    def __post_init__(self) -> None:
+        self.assembly = self.name
+
+    def suggested(self, question: str) -> str | None:
+        """Return the probable answer to a question about the file."""
+        if question != "overhang":
+            return Place().text
+        lengths = _LENGTH.findall(self.name)
+        return f"{lengths[0]} mm" if len(lengths) == 1 else None
+
+    def sides(self) -> dict[str, Place]:
+        """Return the places of response and excitation; directions that are not stated are those of the file."""
+        named = "" if self.frf is None or self.frf.labels is None else " ".join(sum(self.frf.labels, ()))
+        in_file = [_direction(match) for match in _DIRECTION.finditer(named)]
+        stated = dict(zip(("response", "excitation"), in_file, strict=False)) if len(in_file) == 2 else {}
+        sides = {}
+        for side, place in (("response", self.response), ("excitation", self.hit)):
+            sign, axis = stated.get(side, ("", ""))
+            sides[side] = place if place.axis else replace(place, sign=sign, axis=axis)
+        axes = {side: place.axis for side, place in sides.items() if place.axis}
+        if len(set(axes.values())) > 1:
+            raise InputError(
+                f"{self.name}: the response is along {axes['response']} and the hits along {axes['excitation']}, "
+                "expected one axis, y of the model; leave the file out, or state the directions, as in --hit "
+                f"'{self.hit.part}@4 mm +{axes['response']}'"
+            )
+        return sides
 
     @property
     def frf(self) -> FRF | None:
@@ -73,6 +185,15 @@ class MeasuredFile:
         text += f"{lines[0]:g} to {lines[-1]:g} Hz"
         text += "" if frf.averages is None else f", {frf.averages} averages"
         return text + ("" if frf.coherence is None else f", median coherence {np.median(frf.coherence):.4f}")
+
+
+def share_assemblies(measurements: Sequence[MeasuredFile]) -> None:
+    """Give files of one overhang one assembly if hits or sensors differ: they rove in one clamping."""
+    for measurement in measurements:
+        places = (measurement.response, measurement.hit)
+        others = [other for other in measurements if other.overhang == measurement.overhang]
+        if any((other.response, other.hit) != places for other in others):
+            measurement.assembly = f"overhang {mm(measurement.overhang)}"
 
 
 def _relative(file: str | Path, folder: Path) -> str:
@@ -178,8 +299,9 @@ title = {title}
 [joints.joint]
 
 {spindle}{sensor}{assemblies}
-# Hit and measured at the tip. For other points add, for example, `response = {{ part = "holder", position = "0 mm" }}`
-# or `excitation = {{ position = "5 mm" }}`; `direction = "-y"` turns a sign.
+# Hit and measured at the tip unless `response` or `excitation` states another place, for example
+# `response = {{ part = "holder", position = "0 mm" }}` or `excitation = {{ position = "5 mm" }}`; `direction = "-y"`
+# turns a sign.
 {no_sensor}{no_hold_out}
 {measurements}
 # Bounds of the unknowns; they are fitted on a logarithmic scale.
@@ -245,14 +367,14 @@ def campaign_text(
         sensor=f"{_SENSOR}{_table('sensors.accelerometer', mass)}\n" if sensor else "",
         assemblies="\n".join(
             _table(
-                f"assemblies.{_key(measurement.name)}",
+                f"assemblies.{_key(name)}",
                 {
                     "chain": chain,
-                    "set": {address: mm(measurement.overhang - front)},
-                    "conditions": {"overhang": mm(measurement.overhang)},
+                    "set": {address: mm(overhang - front)},
+                    "conditions": {"overhang": mm(overhang)},
                 },
             )
-            for measurement in measurements
+            for name, overhang in {one.assembly: one.overhang for one in measurements}.items()
         ),
         no_sensor="" if sensor else _NO_SENSOR,
         no_hold_out="" if any(measurement.held_out for measurement in measurements) else _NO_HOLD_OUT,
@@ -279,10 +401,11 @@ def _segments(part: str, pieces: Iterable[HolderRow], kind: str) -> str:
 
 
 def _measurement(measurement: MeasuredFile, sensor: bool) -> str:
-    table = {"kind": measurement.table["kind"], "assembly": measurement.name}
+    table = {"kind": measurement.table["kind"], "assembly": measurement.assembly}
     table |= {"role": "hold out"} if measurement.held_out else {}
     table |= measurement.table
     table |= {"sensor": "accelerometer"} if sensor else {}
+    table |= {side: place.table() for side, place in measurement.sides().items() if place.table()}
     wrapped = textwrap.wrap(
         measurement.about, _WIDTH, initial_indent="# ", subsequent_indent="# ", break_long_words=False
     )

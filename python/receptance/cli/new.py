@@ -23,13 +23,12 @@ from receptance.cli.running import InputError, Json, Overwrite, Targets, input_e
 from receptance.errors import ReceptanceWarning
 from receptance.report.terminal import print_list
 
-_LENGTH = re.compile(r"(?<![\d.])(\d+(?:\.\d+)?)\s*_?mm(?![a-z])", re.IGNORECASE)
-"""An overhang in the name of a file, which a question suggests."""
+_AT_TIP = "hit and response at the tip"
 _ASSUMED = (
     "tolerances of dimensions and materials",
     "loss factors",
     "bounds of the joint",
-    "hit and response at the tip",
+    _AT_TIP,
 )
 
 # Questions ------------------------------------------------------------------------------------------------------------
@@ -46,6 +45,8 @@ class Question:
     text: str
     example: str
     parse: _Parse
+    each: bool = False
+    """Whether each file has an answer of its own."""
 
     @property
     def option(self) -> str:
@@ -79,6 +80,10 @@ def _deviation(text: str, answers: Mapping[str, Any]) -> str:
     return text
 
 
+def _place(text: str, answers: Mapping[str, Any]) -> cli.draft.Place:
+    return cli.draft.parse_place(text)
+
+
 def _with_shank(text: str, answers: Mapping[str, Any]) -> Any:
     insertion = _quantity(units.LENGTH, "none")(text, answers)
     tool, holder = answers["tool"], answers["holder"]
@@ -91,8 +96,15 @@ _OF_READING = (
 )
 """Options of reading that are asked for if a file cannot be read without them."""
 _OVERHANG = Question(
-    "overhang", "Overhang of {file}, from the holder's face to the tip", "60 mm", _quantity(units.LENGTH)
+    "overhang", "Overhang of {file}, from the holder's face to the tip", "60 mm", _quantity(units.LENGTH), each=True
 )
+_PLACES = (
+    Question(
+        "response", "Place of the sensor of {file}, PART@DISTANCE from the tip-side end", "tool@0 mm", _place, True
+    ),
+    Question("hit", "Place of the hits of {file}, PART@DISTANCE from the tip-side end", "holder@4 mm", _place, True),
+)
+"""Places of each file: at the tip unless they are stated. In a machine they are asked for."""
 _OF_WEIGHTS = (
     Question("averages", "Number of averages of {file}, which does not state it", "10", _averages),
     Question("standard_deviation", "Standard deviation of {file}, which has no coherence", "2 %", _deviation),
@@ -119,7 +131,7 @@ _OF_MODEL = (
         "support", "free for a holder that hangs free, spindle for one in a machine", "free", _choice("free", "spindle")
     ),
 )
-_QUESTIONS = {question.name: question for question in (_OVERHANG, *_OF_WEIGHTS, *_OF_MODEL)}
+_QUESTIONS = {question.name: question for question in (_OVERHANG, *_PLACES, *_OF_WEIGHTS, *_OF_MODEL)}
 
 
 class _Answers(dict[str, Any]):
@@ -136,13 +148,13 @@ class _Answers(dict[str, Any]):
             try:
                 return question.parse(option, self)
             except ValueError as error:
-                of_file = f" of {file}" if question is _OVERHANG else ""
+                of_file = f" of {file}" if question.each else ""
                 raise InputError(f"{question.option}{of_file} {error}") from None
         text = question.text.format(file=file, materials=" or ".join(self["materials"]))
         if self.interactive:
             prompt = printable(f"{text} (such as {question.example})")
             return typer.prompt(prompt, suggested, value_proc=lambda words: self._parsed(question, words))
-        example = f"{file}={suggested or question.example}" if question is _OVERHANG else question.example
+        example = f"{file}={suggested or question.example}" if question.each else question.example
         self._missing.append(f"  {question.option} {shlex.quote(example)}  {text}")
         return None
 
@@ -169,10 +181,10 @@ def _takes_answers(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command the options of the questions in place of its parameter `options`."""
     options: dict[str, tuple[Any, Any]] = {}
     for name, question in _QUESTIONS.items():
-        file = "each file, in their order or as FILE=LENGTH" if question is _OVERHANG else "a file"
+        file = f"each file, in their order or as FILE={question.example}" if question.each else "a file"
         text = question.text.format(file=file, materials="steel, carbide or the name of a --material")
         option = typer.Option(question.option, metavar=f"'{question.example}'", help=f"{text}.")
-        kind: Any = list[str] | None if name == "overhang" else str | None
+        kind: Any = list[str] | None if question.each else str | None
         options[name] = (Annotated[kind, option], None)
     return takes_options("options", options, lambda values: values)(command)
 
@@ -235,7 +247,8 @@ def new(
         measurements = _read_files(files, reading, answers, {"force": force, "motion": motion}, target.parent)
         print_list(console, "Files", [measurement.about for measurement in measurements])
         _add_weights(measurements, answers)
-        _add_overhangs(measurements, answers)
+        for measurement, overhang in zip(measurements, _of_each(_OVERHANG, measurements, answers), strict=True):
+            measurement.overhang = overhang
         tool, of_tool = answers.answer("tool"), answers.answer("tool_material")
         tool = tool and [replace(piece, material=of_tool or "") for piece in tool]
         answers["tool"], holder = tool, answers.answer("holder")
@@ -249,7 +262,13 @@ def new(
             if options[name] is not None and name not in answers:
                 raise InputError(f"{_QUESTIONS[name].option} is given, but the holder's file states it; leave it out")
         sensor, support = answers.answer("sensor"), answers.answer("support")
+        for question in _PLACES:
+            if support == "spindle" or options[question.name] is not None:
+                places = _of_each(question, measurements, answers)
+                for measurement, place in zip(measurements, places, strict=True):
+                    setattr(measurement, question.name, place or cli.draft.Place())
         answers.check()
+        cli.draft.share_assemblies(measurements)
         if spindle_modes is not None and support == "free":
             raise InputError("--spindle-modes is given, but --support is free; expected --support spindle")
         for text in hold_out or ():
@@ -268,21 +287,26 @@ def new(
         with created_folder(target.parent):
             check_target(target)
             # Read before it is written, so that no campaign with mistakes is left behind.
-            notes = campaign.Campaign.from_contents(target, tomllib.loads(text), text).notes
+            made = campaign.Campaign.from_contents(target, tomllib.loads(text), text)
+            notes, missing = made.notes, campaign.missing_records(made)
             write_whole({target: text.encode()})
     step = f"receptance check {shlex.quote(str(folder))}"
     data = {
         measurement.name: {
             "file": measurement.table["file"],
             "overhang_m": measurement.overhang,
+            "response": measurement.response.text,
+            "hit": measurement.hit.text,
             "role": "hold out" if measurement.held_out else "identify",
             "data": measurement.about,
         }
         for measurement in measurements
     }
-    result = {"file": str(target), "measurements": data, "assumed": list(_ASSUMED), "notes": list(notes), "next": step}
-    targets.write(lambda: result)
-    print_list(console, "Assumed, and commented in the file", _ASSUMED)
+    assumed = [text for text in _ASSUMED if text != _AT_TIP or {"response", "hit"}.isdisjoint(answers)]
+    result = {"file": str(target), "measurements": data, "assumed": assumed, "missing": list(missing)}
+    targets.write(lambda: {**result, "notes": list(notes), "next": step})
+    print_list(console, "Assumed, and commented in the file", assumed)
+    print_list(console, "Missing", missing)
     print_list(console, "Notes", list(report.result.grouped_notes(notes)))
     console.print(f"Written: {target}", soft_wrap=True)
     targets.print_names(console)
@@ -367,25 +391,30 @@ def _add_weights(measurements: Sequence[cli.draft.MeasuredFile], answers: _Answe
         measurement.table[name] = answers.answer(name, measurement.name)
 
 
-def _add_overhangs(measurements: Sequence[cli.draft.MeasuredFile], answers: _Answers) -> None:
-    """Add the overhang of each measurement."""
-    texts = answers.options["overhang"] or []
+def _of_each(question: Question, measurements: Sequence[cli.draft.MeasuredFile], answers: _Answers) -> list[Any]:
+    """Return the answer to a question for each measurement; a single place is that of all of them."""
+    option, texts = question.option, answers.options[question.name] or []
     names = [measurement.name for measurement in measurements]
     if any("=" in text for text in texts):
-        values = named_values(texts, "--overhang", "FILE=LENGTH for each file")
-        overhangs = {_named(file, measurements, "--overhang").name: text for file, text in values.items()}
-        if len(overhangs) < len(values):
-            raise InputError(f"--overhang is given twice for a file, expected one for each of {', '.join(names)}")
+        values = named_values(texts, option, f"FILE={question.example} for each file")
+        stated = {_named(file, measurements, option).name: text for file, text in values.items()}
+        if len(stated) < len(values):
+            raise InputError(f"{option} is given twice for a file, expected one for each of {', '.join(names)}")
+    elif len(texts) == 1 and (question is not _OVERHANG or answers.options["hit"] is not None):
+        stated = dict.fromkeys(names, texts[0])  # roving hits are in one clamping
     elif texts and len(texts) != len(names):
-        count = f"{len(texts)} --overhang {'is' if len(texts) == 1 else 'are'} given for {len(names)} measurements"
-        raise InputError(f"{count}, expected one for each, such as --overhang {shlex.quote(f'{names[0]}=60 mm')}")
+        count = f"{len(texts)} {option} {'is' if len(texts) == 1 else 'are'} given for {len(names)} measurements"
+        example = shlex.quote(f"{names[0]}={question.example}")
+        raise InputError(f"{count}, expected one for each, such as {option} {example}")
     else:
-        overhangs = dict(zip(names, texts, strict=False))
+        stated = dict(zip(names, texts, strict=False))
+    found = []
     for measurement in measurements:
-        lengths = _LENGTH.findall(measurement.name)
-        suggested = f"{lengths[0]} mm" if len(lengths) == 1 else None
-        overhang = overhangs.get(measurement.name)
-        measurement.overhang = answers.ask(_OVERHANG, overhang, measurement.name, suggested)
+        suggested = measurement.suggested(question.name)
+        found.append(answers.ask(question, stated.get(measurement.name), measurement.name, suggested))
+    if question is not _OVERHANG:
+        answers[question.name] = found
+    return found
 
 
 def _named(text: str, measurements: Sequence[cli.draft.MeasuredFile], option: str) -> cli.draft.MeasuredFile:

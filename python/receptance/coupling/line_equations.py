@@ -77,6 +77,11 @@ class Equations:
         arrays = [column.name for column in fields(self) if column.name != "terms"]
         return replace(self, **{name: getattr(self, name)[lines] for name in arrays})
 
+    def of_pairs(self, pairs: Sequence[int]) -> Equations:
+        """Return the equations of selected pairs."""
+        arrays = ("rigid", "measured", "response", "excitation", "surroundings", "deviation")
+        return replace(self, **{name: getattr(self, name)[:, pairs] for name in arrays})
+
     def terms_of(self, matrix: NDArray[Any]) -> NDArray[Any]:
         """Return the unknown terms `(n, m)` of matrices `(n, 2, 2)`."""
         return np.stack([matrix[:, *TERMS[term]] for term in self.terms], axis=1)

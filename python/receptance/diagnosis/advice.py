@@ -91,7 +91,7 @@ class Hypothesis:
     def _measured(self, item: MenuItem, data: NDArray[Any] | None = None) -> Model | None:
         """Return a measurement with its causes as the only observation of a model; without data with ones."""
         model, steps = self.base, [step for step in self.explanation.steps if step.cause.id not in item.absent]
-        if item.describe in (Menu.tool_alone, Menu.holder_alone):
+        if item.describe in (Menu.tool_alone, Menu.holder_alone, Menu.blank_in_spindle):
             # The parts themselves are as the causes have changed them.
             model, steps = self.explanation.fit.model, []
         assert item.describe is not None
@@ -138,6 +138,8 @@ class MenuItem:
     """Ids of the causes that the measurement excludes, and for which it is made."""
     elsewhere: frozenset[str] = frozenset()
     """Ids of causes that act only at the places that were hit before."""
+    in_spindle: bool | None = None
+    """Whether it is for a holder in a spindle, or for one that is not; None for both."""
 
     def discriminate(self, truth: Hypothesis, other: Hypothesis) -> float:
         """Return the expected increase of chi-square of another hypothesis if one is true.
@@ -183,6 +185,7 @@ MENU = (
         "measure frequency and decay of the swing on the suspension",
         1.0,
         {"suspension.stiffness": 2e3, "suspension.damping": 2.0},
+        in_spindle=False,
     ),
     MenuItem(
         "repeat one measurement without the exponential window",
@@ -197,17 +200,30 @@ MENU = (
         {"calibration_gain.log_gain": 3e-3, "time_delay.delay": 2e-7},
         presence=frozenset({"wrong_quantity", "reversed_polarity"}),
     ),
-    MenuItem("hang it softer and repeat one measurement", 3.0, describe=Menu.again, without=frozenset({"suspension"})),
+    MenuItem(
+        "hang it softer and repeat one measurement",
+        3.0,
+        describe=Menu.again,
+        without=frozenset({"suspension"}),
+        in_spindle=False,
+    ),
+    MenuItem("hit the gauge blank again in the warm spindle", 3.0, describe=Menu.blank_in_spindle, in_spindle=True),
     MenuItem(
         "measure an FRF at the holder's nose", 3.0, describe=Menu.at_the_nose, elsewhere=frozenset({"hammer_offset"})
     ),
     MenuItem("measure at a longer overhang", 3.0, describe=Menu.longer_overhang),
     MenuItem("hit at three times the force", 3.0, describe=Menu.higher_force),
     MenuItem("measure the blank alone, free-free", 4.0, describe=Menu.tool_alone),
-    MenuItem("measure the holder alone, free-free", 4.0, describe=Menu.holder_alone),
+    MenuItem("measure the holder alone, free-free", 4.0, describe=Menu.holder_alone, in_spindle=False),
     MenuItem("measure a plain blank of the tool's size", 4.0, describe=Menu.again, without=frozenset({"fluted_part"})),
 )
 """The menu of the advice."""
+
+
+def menu_of(model: Model) -> list[MenuItem]:
+    """Return the measurements that can be made on what a model describes, cheapest first."""
+    possible = [item for item in MENU if item.in_spindle in (None, model.in_spindle)]
+    return sorted(possible, key=lambda item: item.cost)
 
 
 @dataclass(frozen=True)
@@ -255,9 +271,11 @@ def advise(selection: Selection, judgement: Judgement) -> ProposedMeasurement | 
             action="measure up to a second mode", reason="one mode cannot separate the joint from the parts"
         )
     if judgement.answer == "unexplained":
+        action = "measure blank and holder alone, free-free"
+        if selection.base.model.in_spindle:
+            action = "hit the gauge blank again in the warm spindle, and measure the blank of the tool alone, free-free"
         return ProposedMeasurement(
-            action="measure blank and holder alone, free-free",
-            reason="no known cause explains the data: this shows which part differs from its model",
+            action=action, reason="no known cause explains the data: this shows which part differs from its model"
         )
     remaining = list(judgement.reported)
     if len(remaining) == 1:
@@ -281,7 +299,7 @@ def _best(remaining: Sequence[Explanation], base: Model, ids: Sequence[str]) -> 
     pairs = list(itertools.permutations(range(len(remaining)), 2))
     best: _Valued | None = None
     singles: list[_Valued] = []
-    for choice in sorted(MENU, key=lambda one: one.cost):
+    for choice in menu_of(base):
         # A choice that resolves everything is not exceeded by more expensive ones.
         if best is not None and best.worth >= worth(1.0, choice.cost):
             break

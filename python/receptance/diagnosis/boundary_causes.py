@@ -302,6 +302,7 @@ BOUNDARY_CAUSES = (
         change=_missing_mode,
         meaning="spindle or fixture has a mode that the model does not have",
         remedy="measure the spindle or the fixture alone at that frequency",
+        remedy_in_spindle="hit a gauge blank in the warm spindle: a mode of spindle or machine is there as well",
         unspecific=True,
     ),
     Cause(
@@ -329,6 +330,7 @@ BOUNDARY_CAUSES = (
         ),
         change=_spindle_mode,
         meaning="a mode of the spindle has another frequency, shape or damping than identified",
-        remedy="identify the spindle again, at the temperature and with the preload at which the tool was measured",
+        remedy="hit the blank again in the warm spindle and identify the spindle again, with the preload and at the "
+        "temperature at which the tool was measured",
     ),
 )

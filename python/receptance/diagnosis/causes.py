@@ -226,6 +226,8 @@ class Cause:
         The cause in the words of the workshop.
     remedy : str
         Remedy for the user.
+    remedy_in_spindle : str, optional
+        Remedy for a holder in a spindle; by default the same.
     title : str, optional
         Name in texts and figures; by default the id with spaces.
     changes_data : bool, optional
@@ -253,6 +255,7 @@ class Cause:
     change: Callable[[Mapping[str, Parameter], Model], Iterable[Variant]]
     meaning: str
     remedy: str
+    remedy_in_spindle: str = ""
     title: str = ""
     changes_data: bool = False
     large: bool = False

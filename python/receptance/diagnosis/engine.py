@@ -335,7 +335,7 @@ def _candidate(selection: Selection, one: Explanation, step: Step) -> CandidateC
         together_with=tuple(other.id for other, _ in one.steps if other.id != cause.id),
         look_alikes=_look_alikes(selection.directions, step),
         meaning=cause.meaning,
-        remedy=cause.remedy,
+        remedy=(one.fit.model.in_spindle and cause.remedy_in_spindle) or cause.remedy,
         declared=declared,
     )
 

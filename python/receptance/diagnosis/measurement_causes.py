@@ -197,6 +197,8 @@ def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    if model.in_spindle:
+        raise UndecidableError("the holder is in a spindle, so that nothing hangs")
     require_beams(model)
     # A structure without a joint hangs as a whole.
     hanging = {anatomy.holder or anatomy.tool for anatomy in model.anatomies}

@@ -148,6 +148,11 @@ class Model:
         return tuple(dict.fromkeys(anatomy.joint for anatomy in self.anatomies if anatomy.joint))
 
     @property
+    def in_spindle(self) -> bool:
+        """Whether all assemblies are in a spindle that is described by its modes or receptances."""
+        return all(anatomy.in_spindle for anatomy in self.anatomies)
+
+    @property
     def separable(self) -> tuple[str, str]:
         """Sources of misfit that several configurations distinguish, and the one to measure where there is one."""
         if self.joints:

@@ -336,6 +336,7 @@ PART_CAUSES = (
         change=partial(_scaled, "holder", "youngs_modulus"),
         meaning="the holder is stiffer or softer than modelled",
         remedy="measure the holder alone, free-free",
+        remedy_in_spindle="hit the holder at its nose and near the spindle, and a gauge blank in the same spindle",
     ),
     Cause(
         id="flexible_body",

@@ -255,7 +255,7 @@ class Parameters:
             values += expanded[:count]
             errors |= {error.name: error for error in expanded[count:]}
         for tolerance in self.tolerances:
-            errors.setdefault(tolerance.name, error_of(tolerance.name))
+            errors.setdefault(tolerance.name, error_of(tolerance.name, tolerance.start))
         self.unknowns = (*values, *errors.values())
         self.count = len(values)
         names = [unknown.name for unknown in self.unknowns]

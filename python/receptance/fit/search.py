@@ -21,6 +21,7 @@ from receptance import units
 from receptance.fit.observation import Observation, altered
 from receptance.fit.peaks import peak_indices
 from receptance.fit.problem import COST_TOLERANCE, End, Problem, Task
+from receptance.fit.unknowns import Unknown, Variables
 from receptance.model.addresses import QUANTITIES
 
 START_LOSS_FACTOR = 0.02
@@ -189,12 +190,8 @@ class Continuation:
         exact = task.without_errors()
         self.variables = exact.variables
         self.count = len(exact.variables.unknowns)
-        names = [unknown.address.split(" ")[0].rsplit(".", 1)[-1] for unknown in exact.variables.unknowns]
-        quantities = [QUANTITIES.get(name) for name in names]
-        self._loss = np.array([quantity is units.LOSS_FACTOR for quantity in quantities])
-        self._damping = self._loss | np.array([quantity in _DASHPOTS for quantity in quantities])
-        self._coupling = np.array([name.endswith("_ytheta") for name in names])
-        self._columns = {unknown.name: i for i, unknown in enumerate(exact.variables.unknowns)}
+        self._damping = is_damping(exact.variables)
+        self._coupling = np.array([_last(unknown).endswith("_ytheta") for unknown in exact.variables.unknowns])
         self._angular = (
             2.0 * np.pi * float(np.median([np.median(observation.frequency_hz.real) for observation in task.observed]))
         )
@@ -214,16 +211,7 @@ class Continuation:
 
     def with_damping(self, starts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the variables `(n, p)` with dampings that correspond to the stiffnesses."""
-        values = self.variables.to_values(starts)
-        for name, column in self._columns.items():
-            if not self._damping[column]:
-                continue
-            stiffness = self._columns.get(name.replace(".c_", ".k_"))
-            if self._loss[column]:
-                values[:, column] = START_LOSS_FACTOR
-            elif stiffness is not None:
-                values[:, column] = START_LOSS_FACTOR * values[:, stiffness] / self._angular
-        return self.variables.from_values(np.clip(values, *self.variables.bounds))
+        return with_damping(self.variables, starts, self._angular)
 
     def fit_stiffness(self, starts: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """Fit stiffnesses with damping held: through broad resonances, and through peaks.
@@ -261,6 +249,31 @@ class Continuation:
             return []
         starts = np.hstack([self.with_damping(ends), np.tile(errors, (len(ends), 1))])
         return _fit_stages(self.with_errors, starts, np.full(len(ends), np.inf))
+
+
+def _last(unknown: Unknown) -> str:
+    """Return the last word of the address."""
+    return unknown.address.split(" ")[0].rsplit(".", 1)[-1]
+
+
+def is_damping(variables: Variables) -> NDArray[np.bool_]:
+    """Return the mask of loss factors and dashpots."""
+    quantities = [QUANTITIES.get(_last(unknown)) for unknown in variables.unknowns]
+    return np.array([quantity is units.LOSS_FACTOR or quantity in _DASHPOTS for quantity in quantities], dtype=np.bool_)
+
+
+def with_damping(variables: Variables, starts: NDArray[np.float64], angular: float) -> NDArray[np.float64]:
+    """Return the variables `(n, p)` with dampings that correspond to the stiffnesses at an angular frequency."""
+    values = variables.to_values(starts)
+    columns = {name: column for column, name in enumerate(variables.names)}
+    for column in np.flatnonzero(is_damping(variables)).tolist():
+        unknown = variables.unknowns[column]
+        stiffness = columns.get(unknown.name.replace(".c_", ".k_"))
+        if QUANTITIES.get(_last(unknown)) is units.LOSS_FACTOR:
+            values[:, column] = START_LOSS_FACTOR
+        elif stiffness is not None:
+            values[:, column] = START_LOSS_FACTOR * values[:, stiffness] / angular
+    return variables.from_values(np.clip(values, *variables.bounds))
 
 
 def _fit_stage(

@@ -208,13 +208,13 @@ def names_of_configurations(owner: str, configurations: str | Sequence[str] | No
 
 # A diagnosis needs the same errors in some hundred models.
 @lru_cache(maxsize=1 << 12)
-def error_of(name: str) -> Unknown:
+def error_of(name: str, start: float = 0.0) -> Unknown:
     """Return the unknown of an error, in its standard deviations."""
     return Unknown(
         address=name,
         lower=-_ERROR_BOUND,
         upper=_ERROR_BOUND,
-        start=0.0,
+        start=start,
         scale="linear",
         prior=Prior(mean=0.0, standard_deviation=1.0),
     )
@@ -366,6 +366,8 @@ class Tolerance:
     the address."""
     labels: tuple[str, ...] | str | None = None
     """Labels of the observations that have the error, one or several; by default all."""
+    start: float = 0.0
+    """Start of a fit, in standard deviations."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:

@@ -49,6 +49,13 @@ _FRF = re.compile(
     rf"(?:\s+(?P<after>{_FORMS}|frf))?(?:\s+(?P<entry>.+))?",
     re.IGNORECASE,
 )
+_FRF_OF_ENTRY = re.compile(
+    rf"(?P<entry>\S.*?)\s+(?:(?P<form>{_FORMS})\s+)?(?P<part>{_PART})\.?(?:\s+part)?", re.IGNORECASE
+)
+"""The points and directions before the part, as in `Point 1 +X Real` and `H1(1:+Z;2:-Z) Imag`."""
+_ENTRY_OF = re.compile(
+    rf"(?P<form>{_FORMS}|{_ESTIMATE})(?:\s+(?P<named>.+)|\s*\(\s*(?P<inside>[^()]+?)\s*\))", re.IGNORECASE
+)
 _PART_OF = re.compile(rf"(?P<part>{_PART})\.?\s*[({{]\s*(?P<form>{_FORMS}|{_ESTIMATE})\s*[)}}]", re.IGNORECASE)
 """A part as a function, as in `Re(H1)`; the parentheses hold no unit."""
 _MAGNITUDE = re.compile(rf"\|\s*(?P<form>{_FORMS}|{_ESTIMATE})\s*\|", re.IGNORECASE)
@@ -59,10 +66,14 @@ _QUALITY = re.compile(
     rf"(?P<name>{'|'.join(map(re.escape, _COHERENCE))}|{'|'.join(QUALITY_NAMES.values())})\.?(?:\s+(?P<entry>.+))?",
     re.IGNORECASE,
 )
+_QUALITY_OF_ENTRY = re.compile(
+    rf"(?P<entry>\S.*?)\s+(?P<name>{'|'.join(map(re.escape, _COHERENCE))})\.?", re.IGNORECASE
+)
 _BRACKETS = re.compile(r"(?P<name>.*)\[(?P<unit>[^\[\]]*)\]", re.DOTALL)
-_PARENTHESES = re.compile(r"(?P<name>[^()]*)\((?P<unit>.*)\)", re.DOTALL)
 _SLASH = re.compile(r"(?P<name>[^/_]*)[/_](?P<unit>.+)", re.DOTALL)
 """A unit behind a slash (DIN 1313) or an underscore, as in `Frequenz / Hz` and `freq_Hz`."""
+_FREQUENCY_UNITS = ("Hz", "kHz", "rad/s")
+"""Units that name a column of frequencies."""
 _NO_UNIT = ("", "-", "–", "—")
 """Units of numbers without a dimension, or of an unknown one."""
 _LEVEL = re.compile(
@@ -101,9 +112,15 @@ def parse_column(text: str) -> TableColumn:
         # Other slashes and underscores belong to the name, such as those of the entry `2/1`.
         if _has_unit_of_role(column):
             return column
-    match = None if _PART_OF.fullmatch(text) else _PARENTHESES.fullmatch(text)
-    if match and match["name"].strip():
-        return named_column(match["name"], match["unit"])
+    opened = None if _PART_OF.fullmatch(text) else _last_bracket(text)
+    if opened and text[:opened].strip():
+        return named_column(text[:opened], text[opened + 1 : -1])
+    for space in re.finditer(r"\s+", text):
+        column = named_column(text[: space.start()], text[space.end() :])
+        if _has_unit_of_role(column):
+            return column
+    if text in _FREQUENCY_UNITS:
+        return TableColumn(text, text, "frequency")
     column = named_column(text, None)
     return column if column.role != "channel" else replace(named_column(text.replace("_", " "), None), name=text)
 
@@ -120,7 +137,7 @@ def named_column(name: str, unit: str | None) -> TableColumn:
     for role, words in AXES.items():
         if plain.lower().removesuffix(".") in words:
             return TableColumn(name, unit, role)
-    if quality := _QUALITY.fullmatch(plain):
+    if quality := _QUALITY.fullmatch(plain) or _QUALITY_OF_ENTRY.fullmatch(plain):
         field = quality["name"].lower().replace(" ", "_")
         return TableColumn(name, unit, field if field in QUALITY else "coherence", entry=entry(quality))
     if frf := _FRF.fullmatch(plain):
@@ -128,9 +145,27 @@ def named_column(name: str, unit: str | None) -> TableColumn:
         return TableColumn(name, unit, _role(frf["part"]), _form(word), entry(frf))
     if part := _PART_OF.fullmatch(plain):
         return TableColumn(name, unit, _role(part["part"]), _form(part["form"]))
+    if named := _FRF_OF_ENTRY.fullmatch(plain):
+        of = _ENTRY_OF.fullmatch(named["entry"])
+        form = _form(named["form"] or (of["form"] if of else ""))
+        start, end = named.span("entry")
+        if of:
+            inside = "named" if of["named"] else "inside"
+            start, end = start + of.start(inside), start + of.end(inside)
+        return TableColumn(name, unit, _role(named["part"]), form, name[start:end])
     if magnitude := _MAGNITUDE.fullmatch(plain):
         return TableColumn(name, unit, "magnitude", _form(magnitude["form"]))
     return TableColumn(name, unit, "channel")
+
+
+def _last_bracket(text: str) -> int | None:
+    """Return the place of the parenthesis that the last character of a text closes, None without one."""
+    depth = 0
+    for place in range(len(text) - 1, -1, -1):
+        depth += {")": 1, "(": -1}.get(text[place], 0)
+        if depth == 0:
+            return place if text[place] == "(" else None
+    return None
 
 
 def _without_accents(name: str) -> str:

@@ -27,6 +27,14 @@ class Anatomy:
     """Name of the table of receptances or of the modes at the far end; empty where there is none. If there is no
     holder, it describes all that is behind the joint."""
 
+    @property
+    def in_spindle(self) -> bool:
+        """Whether the holder is in a spindle, so that it neither hangs nor is measured by itself.
+
+        Modes or a table right behind the joint may be those of a holder that hangs free.
+        """
+        return bool(self.end) and bool(self.holder or not self.joint)
+
 
 def anatomy_of(assembly: Assembly, identified: Iterable[str]) -> Anatomy:
     """Return the anatomy of an assembly, about the first joint with one of the identified addresses, or the first."""

@@ -12,6 +12,7 @@ import math
 import textwrap
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import field as dataclass_field
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Generic, Literal, Self, TypeVar, cast, get_args, get_type_hints
 
@@ -153,19 +154,22 @@ class Count(Field[int]):
 
 @dataclass(frozen=True)
 class Choice(Field[Any]):
-    """One of several words, passed to the core as its index."""
+    """One of several words, passed to the core as its index; files may have other words for them."""
 
     doc: str
     words: tuple[str, ...]
+    others: Mapping[str, str] = dataclass_field(default_factory=dict)
+    """Words for the same in files, with the one of `words`."""
 
     def read(self, written: Any, place: Any) -> str:
-        if written not in self.words:
-            expected = ", ".join(f'"{word}"' for word in self.words)
-            raise ValueError(f"is {shown(written)}, expected one of {expected}{did_you_mean(str(written), self.words)}")
-        return str(written)
+        words = (*self.words, *self.others)
+        if written not in words:
+            expected = ", ".join(f'"{word}"' for word in words)
+            raise ValueError(f"is {shown(written)}, expected one of {expected}{did_you_mean(str(written), words)}")
+        return self.others.get(str(written), str(written))
 
     def schema(self) -> dict[str, Any]:
-        return {"type": "string", "enum": list(self.words)}
+        return {"type": "string", "enum": [*self.words, *self.others]}
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,8 @@
 
 A hypothetical measurement is an observation without values, which a predictor simulates, with the errors that only it
 has and its cost. The menu makes them from the measurements of a fit or of a diagnosis, with their lines and their
-noise: one of them again, at the holder's nose, at a longer overhang, at a higher force, and tool and holder alone.
+noise: one of them again, at the holder's nose, at a longer overhang, at a higher force, tool and holder alone, and for
+a holder in a spindle a gauge blank in the same spindle in place of the holder alone.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from receptance.fit.unknowns import Tolerance, Unknown, covered
 from receptance.fit.weights import Floor
 from receptance.model.anatomy import Anatomy, anatomy_of, overhang_of
 from receptance.model.assembly import Assembly
+from receptance.model.beams import STEEL, Part, Segment
 from receptance.model.coordinates import Coordinate
 
 LONGER = 1.3
@@ -139,6 +141,7 @@ class Menu:
             self.higher_force(),
             self.tool_alone(),
             self.holder_alone(),
+            self.blank_in_spindle(),
         )
         return [candidate for candidate in menu if candidate is not None]
 
@@ -198,8 +201,29 @@ class Menu:
         return self._alone("tool")
 
     def holder_alone(self) -> Candidate | None:
-        """Return natural frequencies of the holder alone and free-free, up to the next joint behind it."""
-        return self._alone("holder")
+        """Return natural frequencies of the holder alone and free-free, up to the next joint behind it.
+
+        There are none of a holder in a spindle.
+        """
+        return None if any(anatomy.in_spindle for anatomy in self._anatomies) else self._alone("holder")
+
+    def blank_in_spindle(self) -> Candidate | None:
+        """Return a direct FRF at the tip of a gauge blank in place of tool and holder, for a holder in a spindle.
+
+        The blank is a steel cylinder with the length of the holder and its diameter at the spindle.
+        """
+        measured, anatomy = self.observations[self._first], self._anatomies[self._first]
+        if not anatomy.in_spindle or not anatomy.holder or not measured.is_receptance:
+            return None
+        elements = measured.assembly.elements
+        parts = [measured.assembly.parts[name] for name in anatomy.holder]
+        diameter = parts[-1].segments[-1].outer_diameter
+        length = sum(segment.length for part in parts for segment in part.segments)
+        blank = Part([Segment(length=length, outer_diameter=diameter, material=STEEL)], name="gauge_blank")
+        end = replace(elements[anatomy.end], name=anatomy.end)
+        assembly = Assembly([blank, end], motion=measured.assembly.motion)
+        label, tip = "gauge blank in the spindle", Coordinate(blank.name, 0.0)
+        return self._like(label, 3.0, assembly=assembly, response=tip, excitation=tip)
 
     def _like(
         self, label: str, cost: float, *, errors: tuple[Tolerance, ...] | None = None, **changes: Any

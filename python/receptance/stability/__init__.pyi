@@ -11,3 +11,4 @@ from .semi_discretisation import semi_discretised_lobes as semi_discretised_lobe
 from .tip import TipModes as TipModes
 from .tip import receptance_draws as receptance_draws
 from .tip import receptance_matrix as receptance_matrix
+from .tip import rotated_receptance as rotated_receptance

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,6 +16,8 @@ from receptance.stability.lobes import Lobes, Stability, StableCut
 _SPEED = "spindle speed (1000 rpm)"
 _LARGEST_COUNT = 8
 """Largest number of diagrams in a figure."""
+_TITLE = 92
+"""Width of the title in characters."""
 _RECOMMENDED = 3
 """Number of marked recommended speeds."""
 _LEVEL = 0.95
@@ -75,7 +78,7 @@ def _draw_diagram(axes: Axes, lobes: Lobes) -> None:
         axes.plot(speed, stable, color=_STABLE, lw=1.3, ls="--", label=f"stable with {100 * probability:g} %")
     axes.set_ylim(0.0, max(top, _mark_speeds(axes, cuts, speed, np.minimum(highest, top), top)))
     axes.set_xlim(speed[0], speed[-1])
-    set_up(axes, lobes.title_of_cut(), _SPEED, "depth of cut (mm)")
+    set_up(axes, textwrap.fill(lobes.title_of_cut(), _TITLE), _SPEED, "depth of cut (mm)")
 
 
 def _mark_speeds(

@@ -40,6 +40,11 @@ def critical_depths(
         `(n, k)` in m and rad for each of the k eigenvalues; infinite if the frequency cannot chatter. The tooth periods
         are (phase + 2 pi j) / w_c with any integer j >= 0.
 
+    Raises
+    ------
+    ValueError
+        Teeth whose pitch or helix differs. One helix of all teeth changes neither mean force nor delay.
+
     References
     ----------
     Altintas, Budak 1995, eqs. 15 to 24; for turning Altintas 2012, eqs. 4.16 to 4.20.
@@ -47,7 +52,8 @@ def critical_depths(
     if isinstance(cut, Turning):
         eigenvalues = -cut.k * cut.share * receptance[:, 0, 0][:, None]
     else:
-        mean = cut.directional_mean(np.array([0.0]), np.array([2.0 * np.pi]))[0]
+        cut.require_even("mean force")
+        mean = cut.teeth * cut.directional_mean(np.array([0.0]), np.array([2.0 * np.pi]))[0]
         # One product for all lines is faster than one per line.
         eigenvalues = _eigenvalues((receptance.reshape(-1, 2) @ mean).reshape(receptance.shape))
     # 1 = a (1 - e^{-i w T}) mu, with the eigenvalue mu of G A: 1/a is real where Re(1/mu) = (1 - cos wT) a.
@@ -392,7 +398,10 @@ class Lobes(Result):
         """Return a description of the cut: name, type and tips."""
         if isinstance(self.cut, Milling):
             kind = "slot" if self.cut.immersion == 1.0 else f"{self.cut.feed}-milling, immersion {self.cut.immersion:g}"
-            text = f"{self.cut.teeth} teeth, {kind}"
+            text = f"{self.cut.teeth} teeth"
+            for name, angles in (("pitch", self.cut.pitch_deg), ("helix", np.atleast_1d(self.cut.helix_deg).tolist())):
+                text += f", {name} {', '.join(f'{angle:g}' for angle in angles)} deg" if any(angles) else ""
+            text += f", {kind}"
         else:
             text = "turning"
         if self.tips:

@@ -144,6 +144,11 @@ class TipModes:
             for factor in factors
         )
 
+    def rotated(self, rotation_deg: float) -> TipModes:
+        """Return the modes in the directions of a cut; see `rotated_receptance`."""
+        shapes = self.shapes @ _rotation(rotation_deg).T
+        return TipModes(frequency_hz=self.frequency_hz, damping_ratio=self.damping_ratio, shapes=shapes)
+
     def receptance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the receptance `(n, 2, 2)` of the tip in x and y, in m/N, at lines `(n,)` in Hz."""
         w = 2.0 * np.pi * _checks.frequencies(frequency_hz)[:, None]
@@ -178,6 +183,42 @@ def receptance_matrix(
     """
     lines, receptances = _on_common_lines(x, y, xy)
     return lines, _matrix(lines.size, {name: frf.values[rows, 0, 0] for name, (frf, rows) in receptances.items()})
+
+
+def rotated_receptance(receptance: ArrayLike, rotation_deg: float) -> NDArray[np.complex128]:
+    """Return the receptance in the directions of a cut, of a tip that was measured in others.
+
+    Parameters
+    ----------
+    receptance : array_like
+        `(..., 2, 2)` in m/N, in the directions of the measurement.
+    rotation_deg : float
+        Angle from the feed to the first direction of the measurement, in degrees, positive towards y of the cut.
+
+    Returns
+    -------
+    ndarray
+        `(..., 2, 2)` in m/N, along and normal to the feed: `R G R^T`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance.stability import rotated_receptance
+    >>> rotated_receptance(np.diag([3e-8, 1e-8]), 45.0).real.round(9)
+    array([[2.e-08, 1.e-08],
+           [1.e-08, 2.e-08]])
+    """
+    matrix = _checks.unmasked("rotated_receptance", "receptance", receptance, np.complex128)
+    if matrix.shape[-2:] != (2, 2):
+        raise ValueError(f"rotated_receptance: receptance has shape {matrix.shape}, expected (..., 2, 2)")
+    turn = _rotation(rotation_deg)
+    return np.asarray(turn @ matrix @ turn.T)
+
+
+def _rotation(rotation_deg: float) -> NDArray[np.float64]:
+    """Return the matrix of a vector in the directions of a cut from one in those of a measurement."""
+    angle = np.deg2rad(_checks.number("stability", "rotation_deg", rotation_deg, unit="degrees"))
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
 def receptance_draws(

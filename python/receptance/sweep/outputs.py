@@ -294,6 +294,8 @@ class StableDepth(Output):
         object.__setattr__(self, "frequency_hz", checked_lines("StableDepth", self.frequency_hz))
         if not isinstance(self.cut, (Milling, Turning)):
             raise TypeError(f"StableDepth: cut is {self.cut!r}, expected Milling or Turning")
+        if isinstance(self.cut, Milling):
+            self.cut.require_even("StableDepth")
         _checks.one_of("StableDepth", "directions", self.directions, ("x", "y", "both"))
         if self.speeds_rpm is not None:
             object.__setattr__(self, "speeds_rpm", checked_speeds("StableDepth", self.speeds_rpm))

@@ -1,0 +1,270 @@
+"""Modes of a spindle from equations for its receptances, added one at a time.
+
+With s = i w and the pole p = w_r (-zeta + i (1 - zeta^2)^(1/2)) a mode of the shape psi = (y, theta), which is complex
+where damping couples the modes, adds
+
+    A / (s - p) + A* / (s - p*),    A = psi psi^T / (2 i w_r (1 - zeta^2)^(1/2)),
+
+to the receptance of the spindle, see `Mode`. For a given pole this is linear in the symmetric matrix A. Each further
+mode is tried at the poles at which a matrix A reduces the residuals most, beside all changes that the numbers fitted so
+far can make; its largest singular value gives the shape. All numbers are fitted after each addition. Everything before
+the plane is held, so that an evaluation costs a few sums of modes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receptance import _checks, _core
+from receptance.coupling.line_equations import Equations
+
+QUANTITIES = ("frequency_hz", "damping_ratio", "y", "theta", "y_imaginary", "theta_imaginary")
+"""Numbers of a mode in the order of all arrays here."""
+_Y, _THETA = 2, 3
+_POLES = 60
+"""Natural frequencies at which a further mode is tried."""
+_RATIOS = (0.01, 0.05)
+"""Damping ratios of these modes."""
+_BESIDE = 2.0
+"""Factor between the ends of the lines and the lowest and highest of these frequencies."""
+_TRIED = 3
+"""Number of the best candidates that are fitted."""
+_APART = 0.1
+"""Least relative distance of the natural frequencies of two of them."""
+_EVALUATIONS = 80
+"""Largest number of evaluations of each of these fits."""
+_TOLERANCE = 1e-5
+"""Relative change at which they have converged."""
+_NO_DAMPING = 1e-9
+"""Damping ratio of modes without damping."""
+_DEPENDENT = 1e-8
+"""Singular values of candidates below this share of the largest are not used."""
+
+Rows = tuple[NDArray[np.complex128], NDArray[np.complex128]]
+"""Residuals `(n, k)` on each line in standard deviations, and their derivatives `(n, k, 3)` by the entries."""
+
+
+def around_solution(equations: Equations, entries: NDArray[np.complex128]) -> Callable[[NDArray[np.complex128]], Rows]:
+    """Return the residuals of a spindle in the metric of its equations about their solution, in which they are linear.
+
+    `entries` are y/F, theta/M and y/M, `(n, 3)`, the solution line by line.
+    """
+    h, slope = equations.evaluate(entries)
+    with np.errstate(all="ignore"):
+        columns = slope / (h * equations.deviation)[..., None]
+    unsolved = ~np.isfinite(columns).all(axis=(1, 2))
+    columns[unsolved] = 0.0
+    root = np.asarray(np.linalg.qr(columns)[1], dtype=np.complex128)
+
+    def rows(other: NDArray[np.complex128]) -> Rows:
+        change = other - entries
+        change[unsolved] = 0.0
+        return np.einsum("nij,nj->ni", root, change), root
+
+    return rows
+
+
+def of_records(equations: Equations) -> Callable[[NDArray[np.complex128]], Rows]:
+    """Return the residuals of a spindle in the records themselves: ratios of calculated over measured, less one."""
+    weight = 1.0 / (equations.measured * equations.deviation)
+
+    def rows(entries: NDArray[np.complex128]) -> Rows:
+        h, slope = equations.evaluate(entries)
+        return (h - equations.measured) * weight, slope * weight[..., None]
+
+    return rows
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ModeGrowth:
+    """Modes and residuals of a spindle within their bounds."""
+
+    lines_hz: NDArray[np.inexact]
+    """`(n,)` lines, complex with an exponential window."""
+    rows: Callable[[NDArray[np.complex128]], Rows]
+    """Residuals of the spindle's entries."""
+    bounds: NDArray[np.float64]
+    """`(m, 6, 2)` bounds of the numbers of each mode; equal where a number is known."""
+    above: NDArray[np.float64]
+    """`(m, 6, 2)` bounds of a mode with a natural frequency above the lines. The data do not show its width, and
+    several modes with complex shapes there can imitate each other."""
+    residual_bounds: NDArray[np.float64]
+    """`(3, 2)` bounds of the residuals."""
+
+    def grown(self, residuals: Sequence[float]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the modes `(m, 6)`, their bounds and the residuals `(3,)`, in SI units with frequencies in Hz.
+
+        Parameters
+        ----------
+        residuals : sequence of float
+            Start of the residuals.
+        """
+        limits = np.empty((0, 6, 2))
+        _, x = self._fitted(np.array(residuals, dtype=np.float64) / self._entry_scale, limits)
+        for index in range(len(self.bounds)):
+            ends = []
+            for mode in self._candidates(x, index) or [self._absent(index)]:
+                is_above = mode[0] > self.above[index, 0, 0]
+                trial = np.concatenate([limits, (self.above if is_above else self.bounds)[index : index + 1]])
+                ends.append((*self._fitted(self._with_mode(x, mode), trial), trial))
+            _, x, limits = min(ends, key=lambda end: end[0])
+        modes, rest = self._split(x)
+        modes = np.clip(self._unscaled(modes), limits[..., 0], limits[..., 1])
+        return modes, limits, np.clip(rest * self._entry_scale, *self.residual_bounds.T)
+
+    @cached_property
+    def _middle(self) -> float:
+        """Middle of the band in rad/s."""
+        real = self.lines_hz.real
+        return float(2.0 * np.pi * np.sqrt(real[real > 0.0][0] * real[-1]))
+
+    @cached_property
+    def _shape_scale(self) -> NDArray[np.float64]:
+        """Sizes of y and theta, `(2,)`."""
+        return np.asarray(np.abs(self.bounds[:, [_Y, _THETA]]).max(axis=(0, 2)) / 10.0)
+
+    @cached_property
+    def _entry_scale(self) -> NDArray[np.float64]:
+        """Sizes of y/F, theta/M and y/M, `(3,)`."""
+        y, theta = self._shape_scale / self._middle
+        return np.array([y * y, theta * theta, y * theta])
+
+    def _scaled(self, modes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the fitted variables of numbers `(..., 6)`: logarithms of frequency and damping, scaled shapes."""
+        positive = np.maximum(modes[..., :2], _NO_DAMPING)
+        return np.concatenate([np.log(positive), modes[..., 2:] / np.tile(self._shape_scale, 2)], axis=-1)
+
+    def _unscaled(self, variables: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.concatenate([np.exp(variables[..., :2]), variables[..., 2:] * np.tile(self._shape_scale, 2)], axis=-1)
+
+    def _split(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the variables of modes `(k, 6)` and residuals `(3,)`."""
+        return x[:-3].reshape(-1, 6), x[-3:]
+
+    def _with_mode(self, x: NDArray[np.float64], mode: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the variables with a further mode, which has the numbers `mode`."""
+        return np.concatenate([x[:-3], self._scaled(mode), x[-3:]])
+
+    def _absent(self, index: int) -> NDArray[np.float64]:
+        """Return the numbers of a mode without effect, or as near to it as its bounds allow."""
+        low, high = self.bounds[index].T
+        return np.concatenate([np.sqrt(low[:2] * high[:2]), np.clip(0.0, low[2:], high[2:])])
+
+    def _fitted(self, x: NDArray[np.float64], bounds: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        """Return the cost and the variables at the end of a fit of modes within their bounds `(k, 6, 2)`."""
+        sides = [self._scaled(bounds[..., side]).reshape(-1) for side in (0, 1)]
+        rest = (self.residual_bounds / self._entry_scale[:, None]).T
+        limits = np.ascontiguousarray([np.append(side, own) for side, own in zip(sides, rest, strict=True)])
+        core = _core.Problem(np.zeros(x.size, dtype=np.bool_), limits, np.zeros((0, 3)), _checks.thread_count(1))
+        core.add_function(self._evaluate)
+        start = np.ascontiguousarray(np.clip(x, *limits)[None])
+        ends = core.fit(start, limits[0] < limits[1], np.array([_EVALUATIONS]), _TOLERANCE)
+        return float(ends.cost[0]), np.asarray(ends.x[0])
+
+    def _evaluate(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """Return residuals and derivatives by the variables, real parts first; None where there is no value."""
+        modes, rest = self._split(x)
+        entries, slopes = self._entries(modes)
+        with np.errstate(all="ignore"):
+            residual, by_entry = self.rows(entries + rest * self._entry_scale)
+            columns = np.concatenate([slopes, np.broadcast_to(np.diag(self._entry_scale), (len(slopes), 3, 3))], axis=2)
+            jacobian = by_entry @ columns
+        flat, wide = residual.reshape(-1), jacobian.reshape(-1, x.size)
+        if not (np.isfinite(flat).all() and np.isfinite(wide).all()):
+            return None
+        return np.concatenate([flat.real, flat.imag]), np.concatenate([wide.real, wide.imag])
+
+    def _entries(self, modes: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return the sum of modes `(n, 3)` and its derivatives by their variables, `(n, 3, 6 m)`."""
+        count = len(modes)
+        numbers = self._unscaled(modes)
+        w, ratio = 2.0 * np.pi * numbers[:, 0], numbers[:, 1]
+        shape = numbers[:, 2:4] + 1j * numbers[:, 4:6]
+        s = 2j * np.pi * self.lines_hz[:, None]
+        free = np.sqrt(1.0 - ratio**2)
+        pole = w * (-ratio + 1j * free)
+        first, second = 1.0 / (s - pole), 1.0 / (s - pole.conj())
+        gain = 1.0 / (2j * w * free)
+        y, theta = shape.T
+        products = np.stack([y * y, theta * theta, y * theta])
+        size = self._shape_scale
+        zero = np.zeros(count)
+        by_y = np.stack([2.0 * y, zero, theta]) * size[0] * gain
+        by_theta = np.stack([zero, 2.0 * theta, y]) * size[1] * gain
+        result = np.empty((s.size, 3, count, 6), dtype=np.complex128)
+
+        def pair(matrix: NDArray[np.complex128]) -> NDArray[np.complex128]:
+            return np.asarray(first[:, None] * matrix + second[:, None] * matrix.conj())
+
+        for column, (pole_slope, gain_slope) in enumerate(
+            ((pole, -gain), (w * ratio * (-1.0 - 1j * ratio / free), gain * (ratio / free) ** 2))
+        ):
+            moved = products * gain * pole_slope
+            result[..., column] = first[:, None] ** 2 * moved + second[:, None] ** 2 * moved.conj()
+            result[..., column] += pair(products * gain_slope)
+        for column, slope in ((2, by_y), (3, by_theta), (4, 1j * by_y), (5, 1j * by_theta)):
+            result[..., column] = pair(slope)
+        return pair(products * gain).sum(axis=2), result.reshape(s.size, 3, 6 * count)
+
+    def _candidates(self, x: NDArray[np.float64], index: int) -> list[NDArray[np.float64]]:
+        """Return the numbers of further modes that reduce the residuals most to first order."""
+        rows = self._evaluate(x)
+        if rows is None:
+            return []
+        residual, jacobian = rows
+        moving = jacobian[:, np.linalg.norm(jacobian, axis=0) > 0.0]
+        basis, _ = np.linalg.qr(moving / np.linalg.norm(moving, axis=0))
+        residual = residual - basis @ (basis.T @ residual)
+        modes, rest = self._split(x)
+        _, by_entry = self.rows(self._entries(modes)[0] + rest * self._entry_scale)
+        scaled = by_entry * self._entry_scale
+        lines = self.lines_hz.real
+        (low, high), (least, most) = self.bounds[index, :2]
+        low, high = max(low, lines[lines > 0.0][0] / _BESIDE), min(high, lines[-1] * _BESIDE)
+        tried: list[tuple[float, NDArray[np.float64]]] = []
+        for frequency in np.geomspace(min(low, high), high, _POLES):
+            for ratio in dict.fromkeys(float(np.clip(ratio, least, most)) for ratio in _RATIOS):
+                gain, matrix = self._best_matrix(scaled, residual, basis, 2.0 * np.pi * frequency, ratio)
+                left, sizes, right = np.linalg.svd(matrix)
+                shape = left[:, 0] * np.sqrt(sizes[0] * np.vdot(left[:, 0], right[0]))
+                shape *= self._shape_scale * (-1.0 if shape[0].real < 0.0 else 1.0)
+                tried.append((gain, np.array([frequency, ratio, *shape.real, *shape.imag])))
+        tried.sort(key=lambda candidate: -candidate[0])
+        kept: list[NDArray[np.float64]] = []
+        for gain, mode in tried:
+            if len(kept) == _TRIED or not gain > 0.0:
+                break
+            if all(abs(np.log(mode[0] / other[0])) > _APART for other in kept):
+                kept.append(mode)
+        return kept
+
+    def _best_matrix(
+        self,
+        slope: NDArray[np.complex128],
+        residual: NDArray[np.float64],
+        basis: NDArray[np.float64],
+        angular: float,
+        ratio: float,
+    ) -> tuple[float, NDArray[np.complex128]]:
+        """Return the decrease of the sum of squares by the best matrix of a pole, and this matrix, in scaled units."""
+        free = np.sqrt(1.0 - ratio**2)
+        s, pole = 2j * np.pi * self.lines_hz, angular * (-ratio + 1j * free)
+        gain = self._middle**2 / (2j * angular * free)
+        first, second = gain / (s - pole), np.conj(gain) / (s - np.conj(pole))
+        real, imaginary = (
+            (slope * factor[:, None, None]).reshape(-1, 3) for factor in (first + second, 1j * (first - second))
+        )
+        columns = np.concatenate([real, imaginary], axis=1)
+        columns = np.concatenate([columns.real, columns.imag])
+        columns = columns - basis @ (basis.T @ columns)
+        sizes = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        columns = columns / sizes
+        projected = -columns.T @ residual
+        solution = np.linalg.lstsq(columns.T @ columns, projected, rcond=_DEPENDENT)[0]
+        y, theta, both = (solution / sizes)[:3] + 1j * (solution / sizes)[3:]
+        return float(projected @ solution), np.array([[y, both], [both, theta]])
