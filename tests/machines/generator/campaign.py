@@ -179,7 +179,7 @@ def _cuts(machine: Machine) -> list[str]:
             f"teeth = {cut.teeth}",
             f'k_t = "{1e-6 * cut.k_t:g} MPa"',
             f'k_n = "{1e-6 * cut.k_n:g} MPa"',
-            f"immersion = {cut.immersion:g}",
+            f"radial_depth = {cut.immersion:g}",
             f'feed = "{cut.feed}"',
             f'x = {{ assembly = "o{overhang}" }}',
         ]
