@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import multiprocessing
 import resource
 import secrets
+import signal
 import sys
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -18,6 +21,8 @@ from typing import Any
 
 from blind.score import Line
 
+PATIENCE = 20
+"""Real time until a process is ended, over its limit of processor time."""
 Row = dict[str, Any]
 Work = Callable[..., Row]
 
@@ -31,7 +36,7 @@ def add_options(parser: argparse.ArgumentParser, cases: int, limit: float) -> No
     parser.add_argument("--jobs", type=int, default=1, help="number of processes (default 1)")
     parser.add_argument("--threads", type=int, default=1, help="threads of each (default 1)")
     parser.add_argument(
-        "--limit", type=float, default=limit, metavar="S", help=f"seconds of a case (default {limit:g})"
+        "--limit", type=float, default=limit, metavar="S", help=f"processor time of each (default {limit:g})"
     )
     parser.add_argument(
         "--resume", type=Path, metavar="FILE", help="JSON lines of finished cases, which it goes on with"
@@ -76,8 +81,9 @@ def append_row(path: Path | None, row: Row) -> None:
 def run(work: Work, cases: Sequence[Row], *, jobs: int, limit: float) -> Iterator[tuple[Row, Row]]:
     """Yield each case with its result as cases end; `work` is called with the fields of a case, in its own process.
 
-    The result has the key `failure` if the process raised, died, or exceeded the limit in seconds. `seconds` and
-    `megabytes`, the peak memory of the process, are added to it.
+    The result has the key `failure` if the process raised, died, or exceeded the limit in seconds of processor time, or
+    a multiple of it without result. `seconds`, the
+    `processor` time in s and `megabytes`, the peak memory of the process, are added to it.
     """
     context = multiprocessing.get_context("spawn")
     waiting = list(cases)[::-1]
@@ -87,7 +93,7 @@ def run(work: Work, cases: Sequence[Row], *, jobs: int, limit: float) -> Iterato
             while waiting and len(running) < jobs:
                 case = waiting.pop()
                 receiver, sender = context.Pipe(duplex=False)
-                process = context.Process(target=_child, args=(work, case, sender), daemon=True)
+                process = context.Process(target=_child, args=(work, case, limit, sender), daemon=True)
                 process.start()
                 sender.close()
                 running[receiver] = case, process, time.monotonic()
@@ -97,15 +103,15 @@ def run(work: Work, cases: Sequence[Row], *, jobs: int, limit: float) -> Iterato
                     result = receiver.recv()
                 except EOFError:
                     process.join()
-                    result = {"failure": f"the process ended with {process.exitcode}"}
+                    result = _ended(process.exitcode, limit)
                 process.join()
                 yield case, result
             for receiver, (case, process, begun) in list(running.items()):
-                if time.monotonic() - begun > limit:
+                if time.monotonic() - begun > PATIENCE * limit:
                     process.kill()
                     process.join()
                     del running[receiver]
-                    yield case, {"failure": f"more than {limit:g} s", "seconds": limit}
+                    yield case, {"failure": f"no result after {PATIENCE * limit:g} s", "processor": limit}
     finally:
         for _, process, _ in running.values():
             process.kill()
@@ -113,18 +119,32 @@ def run(work: Work, cases: Sequence[Row], *, jobs: int, limit: float) -> Iterato
 
 def share(name: str, hits: Sequence[object], trials: Sequence[object], target: str = "") -> str:
     """Return a line of a table: hits of trials, with the exact 95 % interval of the share."""
+    if not trials:
+        return f"{name:<38} no case  {target}".rstrip()
     line = Line(name, len(hits), len(trials))
     low, high = line.interval
-    text = f"{name:<38} {line.hits:3d} of {line.trials:3d} = {100.0 * line.hits / max(line.trials, 1):3.0f} %"
+    text = f"{name:<38} {line.hits:3d} of {line.trials:3d} = {100.0 * line.hits / line.trials:3.0f} %"
     return f"{text} ({100.0 * low:.0f} to {100.0 * high:.0f})  {target}".rstrip()
 
 
-def _child(work: Work, case: Row, sender: Connection) -> None:
+def _ended(code: int | None, limit: float) -> Row:
+    """Return the result of a process that ended without one."""
+    if code == -signal.SIGXCPU:
+        return {"failure": f"more than {limit:g} s", "processor": limit}
+    return {"failure": f"the process ended with {code}"}
+
+
+def _child(work: Work, case: Row, limit: float, sender: Connection) -> None:
+    most = math.ceil(time.process_time() + limit)
+    resource.setrlimit(resource.RLIMIT_CPU, (most, most + 5))
+    # What the program warns of is in its results, which are scored.
+    warnings.simplefilter("ignore")
     begun = time.perf_counter()
     try:
         result = work(**case)
     except Exception as error:
         result = {"failure": f"{type(error).__name__}: {error}", "trace": traceback.format_exc(limit=-3)}
     result.setdefault("seconds", time.perf_counter() - begun)
+    result.setdefault("processor", time.process_time())
     result["megabytes"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
     sender.send(result)

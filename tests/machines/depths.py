@@ -89,7 +89,7 @@ def recommend(seed: int, index: int, modes: int, threads: int) -> Row:
 
 # The table ------------------------------------------------------------------------------------------------------------
 
-HEADER = "machine  tool           rms     s  depth over true limit at each speed"
+HEADER = "machine  tool           rms cpu s  depth over true limit at each speed"
 
 
 def _lines(row: Row) -> list[str]:
@@ -98,7 +98,7 @@ def _lines(row: Row) -> list[str]:
         return [f"{row['index']:7d}  {row['failure'][:70]}"]
     return [
         f"{row['index']:7d}  {'measured' if cut['measured'] else 'not measured':<12} {row['rms']:5.2f} "
-        f"{row['seconds']:5.0f}  "
+        f"{row['processor']:5.0f}  "
         + (" ".join(f"{ratio:.2f}" for ratio in cut["ratios"]) or "refused")
         + (" (rejected)" if cut["rejected"] and cut["ratios"] else "")
         for cut in row["cuts"]
@@ -111,13 +111,13 @@ def totals(rows: Sequence[Row]) -> list[str]:
     stated = [cut for cut in cuts if cut["ratios"]]
     lines = []
     for title, chosen in (
-        ("all", stated),
-        ("tool measured", [cut for cut in stated if cut["measured"]]),
-        ("tool not measured", [cut for cut in stated if not cut["measured"]]),
-        ("of a rejected fit", [cut for cut in stated if cut["rejected"]]),
+        ("depths above the true limit", stated),
+        ("   of the measured tool", [cut for cut in stated if cut["measured"]]),
+        ("   of the other tool", [cut for cut in stated if not cut["measured"]]),
+        ("   with the fit rejected", [cut for cut in stated if cut["rejected"]]),
     ):
         ratios = [ratio for cut in chosen for ratio in cut["ratios"]]
-        lines.append(share(f"depths above the true limit: {title}", [r for r in ratios if r > 1.0], ratios, "<= 5 %"))
+        lines.append(share(title, [r for r in ratios if r > 1.0], ratios, "<= 5 %"))
     deepest = [cut["ratios"][0] for cut in stated]
     lines.append(share("   the deepest of each cut", [ratio for ratio in deepest if ratio > 1.0], deepest))
     ratios = [ratio for cut in stated for ratio in cut["ratios"]]

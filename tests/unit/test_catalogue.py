@@ -267,18 +267,31 @@ def test_a_spindle_that_the_campaign_names(machine: Any, tmp_path: Path) -> None
     nose = _as_table(machine.built.assemblies["short"], lines, covariance)
     write_spindle(tmp_path / "nose.npz", nose)
     whole = 'machine = ["taper", "spindle"]\nattachments = ["front", "rear"]'
-    read = load(tmp_path, text=TEXT.replace(whole, 'machine = ["taper"]\nspindle = "nose.npz"'))
+    spindles = '[spindles.nose]\nfile = "nose.npz"\n\n[catalogue]'
+    text = TEXT.replace(whole, 'machine = ["taper"]\nspindle = "nose"').replace("[catalogue]", spindles)
+    read = load(tmp_path, text=text)
     fit = read.identify()
     one = next(predict_catalogue(Catalogue(read), fit))
     other = next(predict_catalogue(Catalogue(read, spindle=nose), fit))
     np.testing.assert_array_equal(one.tip.receptance, other.tip.receptance)
     np.testing.assert_array_equal(one.modes_deviation, other.modes_deviation)
+    # Behind the holder without a joint.
+    bare = next(
+        predict_catalogue(Catalogue(load(tmp_path, text=text.replace('machine = ["taper"]', "machine = []"))), fit)
+    )
+    assert list(bare.assembly.elements)[-2:] == ["er32", "nose"]
+    with pytest.raises(ValueError, match=r"catalogue.machine: is empty, expected what is behind the holder"):
+        load(tmp_path, text=text.replace('machine = ["taper"]\nspindle = "nose"', "machine = []"))
+    with pytest.raises(
+        ValueError, match=r'machine\[1\]: is "nose", a measured spindle; expected .* `spindle = "nose"`'
+    ):
+        load(tmp_path, text=text.replace('machine = ["taper"]', 'machine = ["taper", "nose"]'))
     (tmp_path / "nose.npz").write_bytes(b"PK nothing")
-    with pytest.raises(ValueError, match=r"catalogue.spindle: .*nose.npz: this is not a complete NPZ file"):
-        Catalogue(read)
+    with pytest.raises(ValueError, match=r"spindles.nose.file: .*nose.npz: this is not a complete NPZ file"):
+        load(tmp_path, text=text)
     (tmp_path / "nose.npz").unlink()
-    with pytest.raises(ValueError, match=r"catalogue.spindle: .*nose.npz"):
-        Catalogue(read)
+    with pytest.raises(ValueError, match=r'spindles.nose.file: is "nose.npz", which does not exist'):
+        load(tmp_path, text=text)
 
 
 @pytest.mark.slow

@@ -121,7 +121,7 @@ def test_the_variance_bounds_the_errors_that_records_share() -> None:
     for _ in range(12):
         observed = tuple(measured(table(rng), rng))
         changed, notes = with_table_noise(Model(observed, tuple(JOINT), tuple(TOLERANCES)))
-        assert any("6 records includes the noise of holder" in note for note in notes)
+        assert any("6 records includes the errors of holder" in note for note in notes)
         for rows, records in ((stated, observed), (widened, changed.observations)):
             rows.append([np.log(a.receptance / a.assembly.receptance(LINES)) / a.standard_deviation for a in records])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,22 @@ from machine_spindle import (
     seen_at_the_plane,
     with_spindle,
 )
-from receptance import Assembly, Coordinate, GroundSpring, Observation, PointMass, ReceptanceWarning
+from receptance import (
+    Assembly,
+    Coordinate,
+    GroundSpring,
+    MeasuredPart,
+    ModalPart,
+    Mode,
+    Observation,
+    PointMass,
+    ReceptanceWarning,
+)
 from receptance.coupling import fit_spindle, identify_spindle, rotations, spindle_of
+from receptance.coupling.line_bands import bands_of
+from receptance.fit import Tolerance
+from receptance.fit.parameters import Site
+from receptance.fit.predictor import Predictor
 
 SPARSE = LINES[::6]
 TRUE = seen_at_the_plane(make_spindle(), SPARSE)
@@ -101,6 +116,55 @@ def test_undetermined_lines_are_masked() -> None:
     nothing = identify_spindle(at_two_places(make_blank(), 0.07, sd=0.01, rng=rng, lines=SPARSE), limit=1e-4)
     with pytest.raises(ValueError, match="no line is usable: the relative standard deviation"):
         nothing.part()
+
+
+def test_bands_have_all_lines_and_say_why() -> None:
+    rng = np.random.default_rng(11)
+    found = identify_spindle(at_two_places(make_blank(), 0.07, sd=0.01, rng=rng))
+    bands = bands_of(found)
+    assert sum(band.lines for band in bands) == LINES.size
+    assert sum(band.usable for band in bands) == found.usable.sum()
+    assert all(one.high_hz < other.low_hz for one, other in pairwise(bands))
+    poor = [band for band in bands if band.usable < 0.5 * band.lines]
+    assert len(poor) == 1
+    assert poor[0].reason == "theta/M"
+    assert poor[0].deviation > found.limit
+    assert poor[0].condition > 3.0 * max(band.condition for band in bands if band is not poor[0])
+
+
+def test_tolerances_of_a_blank_are_propagated() -> None:
+    """To first order the covariance contains the change of the result by a described error."""
+    observed = at_two_places(make_blank(), 0.07, sd=1e-4, lines=SPARSE)
+    deviation = 2e-5
+    error = Tolerance(name="diameter", moves={"blank.segment[0].outer_diameter": deviation})
+    exact, stated = identify_spindle(observed), identify_spindle(observed, tolerances=error)
+    wrong = make_blank(diameter=0.05 + deviation)
+    moved = identify_spindle([changed(one, assembly=wrong) for one in observed]).matrix - exact.matrix
+    added = np.einsum("nii->ni", stated.covariance - exact.covariance).real
+    change = np.abs(np.stack([moved[:, i, j] for i, j in ((0, 0), (1, 1), (0, 1))], axis=1)) ** 2
+    np.testing.assert_allclose(added, change, rtol=0.05)
+
+
+def test_the_discrepancy_of_modes_is_one_error_of_all_lines() -> None:
+    mode = Mode(frequency_hz=900.0, damping_ratio=0.05, y=0.3, theta=2.0)
+    part = ModalPart(modes=[mode], residual_y=5e-9, residual_theta=5e-7, discrepancy=0.02, name="spindle")
+    machine = Assembly([*make_blank().elements.values(), part])
+    linear = Predictor().at(Site(machine, "machine"), ()).linear(SPARSE)
+    drawn = linear.drawn_errors(4000, 1)
+    np.testing.assert_allclose(np.mean(np.abs(drawn) ** 2, axis=0), 2.0 * linear.variance, rtol=0.1)
+    correlation = np.corrcoef(drawn[:, 0], drawn[:, 1])
+    assert abs(correlation[0, 1]) > 0.99
+    table = MeasuredPart(
+        frequency_hz=SPARSE,
+        matrix=part.receptance(SPARSE),
+        covariance=np.einsum("nij,nkj->nik", *(part.error_root(SPARSE),) * 2),
+        name="spindle",
+    )
+    tabled = Assembly([*make_blank().elements.values(), table])
+    of_table = Predictor().at(Site(tabled, "machine"), ()).linear(SPARSE)
+    np.testing.assert_allclose(of_table.variance, linear.variance, rtol=1e-6)
+    independent = of_table.drawn_errors(4000, 1)
+    assert abs(np.corrcoef(independent[:, 0], independent[:, 1])[0, 1]) < 0.1
 
 
 def differences(blank: Assembly, count: int, spacing: float, sd: float = 1e-9) -> tuple[Observation, ...]:
@@ -217,6 +281,14 @@ class TestErrors:
         wrong = [changed(self.good[0], receptance=factor * self.good[0].receptance), *self.good[1:]]
         with pytest.raises(ValueError, match="the spindle would be a source of energy on"):
             identify_spindle(wrong)
+
+    def test_negative_static_stiffness(self) -> None:
+        soft = [changed(one, assembly=make_blank(diameter=0.025)) for one in self.good]
+        with pytest.raises(ValueError, match="negative static stiffness: at 1"):
+            identify_spindle(soft)
+        # Above its modes a spindle is a mass, whose receptance is negative as well.
+        for first in (500.0, 1300.0, 2500.0):
+            assert not identify_spindle([one.select(first <= SPARSE) for one in self.good]).mismatch
 
     def test_bands_that_do_not_overlap(self) -> None:
         early, late = SPARSE < 1000.0, SPARSE > 1000.0

@@ -2,6 +2,7 @@ from . import comparison as comparison
 from . import diagnosis as diagnosis
 from . import next_measurement as next_measurement
 from . import prediction as prediction
+from . import spindle as spindle
 from . import stability as stability
 from . import values as values
 from . import write as write
@@ -19,6 +20,7 @@ from .run import Campaign as Campaign
 from .run import load as load
 from .schema_document import field_tables as field_tables
 from .schema_document import json_schema as json_schema
+from .spindle import SpindleIdentification as SpindleIdentification
 from .values import Deviation as Deviation
 from .write import extended_text as extended_text
 from .write import write_extended as write_extended

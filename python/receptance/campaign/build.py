@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from typing import Any, Literal, NoReturn, TypeVar
 
 from receptance import coupling
@@ -22,6 +23,7 @@ from receptance.campaign.schema import (
     CoordinateTable,
     MeasurementTable,
     PartTable,
+    SpindleTable,
     UnknownTable,
 )
 from receptance.campaign.values import PLAIN_NUMBER, kind_of, prior_of
@@ -29,13 +31,13 @@ from receptance.coupling.unknown_modes import bounds_of_modes
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation
 from receptance.fit.parameters import FACTORS
-from receptance.fit.unknowns import Law, Move, Power, Unknown, covered
+from receptance.fit.unknowns import Law, Move, Power, Tolerance, Unknown, covered
 from receptance.model.assembly import Assembly
 from receptance.model.beams import STEEL, Material, Part, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate
 from receptance.model.fields import Member, Number
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
-from receptance.model.terminals import RESIDUALS, ModalPart, Mode
+from receptance.model.terminals import RESIDUALS, MeasuredPart, ModalPart, Mode
 
 AnyJoint = PointJoint | SpreadJoint | ColletJoint | MicroslipJoint
 _KINDS = (
@@ -61,7 +63,16 @@ _NEEDED = {
 """Keys of an unknown that depend on another one."""
 _PROVISIONAL_HZ = 1000.0
 """Natural frequency of a mode before its start value is estimated from the measured FRFs."""
+_NOT_A_BLANK = 'is "{}", a blank from which a spindle is identified; expected an assembly that is predicted'
 _Made = TypeVar("_Made")
+
+
+@dataclass(frozen=True)
+class KnownSpindle:
+    """A spindle from its file, and the errors of its numbers if it is given by modes."""
+
+    part: MeasuredPart | ModalPart
+    tolerances: tuple[Tolerance, ...]
 
 
 @dataclass
@@ -76,6 +87,10 @@ class Built:
     sensors: dict[str, PointMass] = field(default_factory=dict)
     unknowns: dict[str, Unknown] = field(default_factory=dict)
     assemblies: dict[str, Assembly] = field(default_factory=dict)
+    """Configurations; a blank of a spindle is the blank alone."""
+    spindles: dict[str, KnownSpindle] = field(default_factory=dict)
+    unidentified: dict[str, str] = field(default_factory=dict)
+    """Spindles that are not identified yet, with what they lack; assemblies that end with one are missing."""
 
 
 class Mistake(Exception):  # noqa: N818
@@ -88,8 +103,8 @@ class Builder:
     A function that builds an object adds a mistake and raises `Mistake`, which `store` catches.
     """
 
-    def __init__(self, problems: Problems) -> None:
-        self.problems = problems
+    def __init__(self, problems: Problems, folder: Path | None = None) -> None:
+        self.problems, self.folder = problems, folder
         self.built = Built()
         self.numbers: dict[str, float | None] = {}
         """Numbers by address that the tables of joints and modal parts have, and starts of unknowns without one."""
@@ -165,6 +180,8 @@ class Builder:
                 self.numbers.setdefault(address, built.unknowns[address].start)
         for name in campaign.modal_parts:
             self.store(built.modal_parts, name, self._modal_part, name, campaign)
+        for name, spindle in campaign.spindles.items():
+            self.store(built.spindles, name, self._spindle, name, spindle)
         for name, joint in campaign.joints.items():
             self.store(built.joints, name, self._joint, name, joint)
         for name, point in campaign.attachments.items():
@@ -172,7 +189,8 @@ class Builder:
         for name, sensor in campaign.sensors.items():
             self.store(built.sensors, name, self.element, sensor, ("sensors", name), name, name=name)
         for name, assembly in campaign.assemblies.items():
-            self.store(built.assemblies, name, self._assembly, name, assembly)
+            self.store(built.assemblies, name, self._assembly, name, assembly, campaign)
+        self._check_blanks(campaign)
         self._check_unknowns(campaign)
         return built
 
@@ -229,6 +247,23 @@ class Builder:
         made: ModalPart = self.element(table, path, name, modes=modes, name=name)
         return made
 
+    def _spindle(self, name: str, table: SpindleTable) -> KnownSpindle:
+        """Return a spindle from its file; one whose file is not there yet, but has blanks, is unidentified."""
+        path: KeyPath = ("spindles", name)
+        self.require((*path, "file"))
+        if table.file is None and not table.blanks:
+            self.fail(path, "has neither a file nor blanks, expected one of them: a spindle is read or identified")
+        file = None if table.file is None or self.folder is None else self.folder / table.file
+        if file is None or (table.blanks and not file.exists()):
+            lacks = "its file is not named" if table.file is None else f"{table.file} does not exist yet"
+            self.built.unidentified[name] = f"{lacks}: `receptance spindle` identifies it from the blanks and writes it"
+            raise Mistake
+        part = self.make((*path, "file"), coupling.read_spindle, file, name=name)
+        if isinstance(part, coupling.SpindleModes):
+            return KnownSpindle(part.part, part.tolerances)
+        # Messages name the file as the campaign does.
+        return KnownSpindle(replace(part, source=str(table.file)), ())
+
     # Unknowns --------------------------------------------------------------------------------------------------------
 
     def _unknown(self, address: str, table: UnknownTable, campaign: CampaignTable) -> Unknown:
@@ -273,8 +308,13 @@ class Builder:
         built = self.built
         if built.assemblies.keys() != campaign.assemblies.keys() or not built.assemblies:
             return
-        if self.problems.at(("assemblies",)):
+        if self.problems.at(("assemblies",)) or built.unidentified:
             return  # an assembly with a mistake may have the parameter
+        for title, unknown in built.unknowns.items():
+            for name, spindle in built.spindles.items():
+                if spindle.tolerances and any(address.startswith(f"{name}.") for address in unknown.addresses):
+                    text = f"is a number of spindles.{name}, whose file states its error; expected no row in `unknowns`"
+                    self.problems.add(("unknowns", title), text)
         measured = {
             *built.sensors,
             *(name for measurement in campaign.measurements.values() for name in measurement.attachments),
@@ -299,16 +339,56 @@ class Builder:
                         break
                     claimed[key] = title
 
+    def _check_blanks(self, campaign: CampaignTable) -> None:
+        """Check that blanks are known and in their spindle, and that only their measurements refer to them."""
+        for name, spindle in campaign.spindles.items():
+            for index, blank in enumerate(spindle.blanks):
+                if (table := campaign.assemblies.get(blank)) is None:
+                    continue
+                path: KeyPath = ("spindles", name, "blanks", index)
+                if table.chain[-1] != name:
+                    text = (
+                        f'is "{blank}", whose chain ends with "{table.chain[-1]}", expected "{name}" as its last name'
+                    )
+                    self.problems.add(path, text)
+                elif blank in self.built.assemblies:
+                    self._check_known(path, blank)
+        blanks = blanks_of(campaign)
+        for title, candidate in campaign.candidates.items():
+            if candidate.assembly in blanks:
+                self.problems.add(("candidates", title, "assembly"), _NOT_A_BLANK.format(candidate.assembly))
+        for title, cut in campaign.cuts.items():
+            for side in ("x", "y"):
+                assembly = getattr(getattr(cut, side, None), "assembly", None)
+                if assembly in blanks:
+                    self.problems.add(("cuts", title, side, "assembly"), _NOT_A_BLANK.format(assembly))
+
+    def _check_known(self, path: KeyPath, blank: str) -> None:
+        for title, unknown in self.built.unknowns.items():
+            own = {a for address in addresses_of(unknown) for a in covered(address, self.built.assemblies[blank])}
+            if own:
+                text = f'is "{blank}", of which {title} is among the unknowns; expected a blank that is known'
+                self.problems.add(path, text)
+
     # Assemblies ------------------------------------------------------------------------------------------------------
 
-    def _assembly(self, name: str, table: AssemblyTable) -> Assembly:
+    def _assembly(self, name: str, table: AssemblyTable, campaign: CampaignTable) -> Assembly:
         path: KeyPath = ("assemblies", name)
-        elements: dict[str, Any] = {**self.built.parts, **self.built.joints, **self.built.modal_parts}
-        points = self.built.attachments
-        if not elements.keys() >= set(table.chain) or not points.keys() >= set(table.attachments):
+        built, points, names = self.built, self.built.attachments, list(table.chain)
+        elements: dict[str, Any] = {**built.parts, **built.joints, **built.modal_parts}
+        elements |= {name: spindle.part for name, spindle in built.spindles.items()}
+        for index, element in enumerate(names[:-1]):
+            if element in campaign.spindles:
+                text = f'is "{element}", a spindle, followed by {names[index + 1]}; expected it once, as the last name'
+                self.fail((*path, "chain", index), text)
+        if name in blanks_of(campaign) and names[-1] in campaign.spindles:
+            del names[-1]  # the blank alone, whose receptance is subtracted
+            if not names:
+                self.fail((*path, "chain"), "has a spindle alone, expected the blank before it")
+        if not elements.keys() >= set(names) or not points.keys() >= set(table.attachments):
             raise Mistake
-        chain = [elements[element] for element in table.chain]
-        for joint, element in zip(table.chain, chain, strict=True):
+        chain = [elements[element] for element in names]
+        for joint, element in zip(names, chain, strict=True):
             if isinstance(element, PointJoint):
                 self.require(("joints", joint))
                 self.make(("joints", joint), element.check_motion, table.motion)
@@ -431,6 +511,11 @@ def _written_numbers(campaign: CampaignTable) -> dict[str, float]:
         for key in table.element.columns_of
         if key in table.written
     }
+
+
+def blanks_of(campaign: CampaignTable) -> dict[str, str]:
+    """Return the assemblies that are a blank in a spindle, and their spindles."""
+    return {blank: name for name, spindle in campaign.spindles.items() for blank in spindle.blanks}
 
 
 def addresses_of(unknown: Unknown) -> tuple[str, ...]:

@@ -70,7 +70,7 @@ class CampaignCheck(Result):
         measured = {observation.configuration for observation in one.measurements.values()}
         speeds = "" if one.table.stability.speeds is not None else "no spindle speeds, expected stability.speeds"
         predicted = any(cut.is_predicted for cut in one.cuts.values())
-        return {
+        commands = {
             "identify": identify,
             "predict": (identify if one.unknowns else "")
             or ("" if one.held_out or one.unmeasured else "no held-out measurement, no assembly unmeasured"),
@@ -85,12 +85,18 @@ class CampaignCheck(Result):
             else "no cuts, expected [cuts.NAME]",
             "catalogue": "" if one.table.catalogue is not None else "no tools and holders, expected [catalogue]",
         }
+        if not one.table.spindles:
+            return commands
+        spindle = "" if one.blanks else "no blanks of a spindle, expected `blanks` in [spindles.NAME]"
+        if one.built.unidentified:
+            commands = dict.fromkeys(commands, f"waits for `receptance spindle`: {listed([*one.built.unidentified])}")
+        return {"spindle": spindle, **commands}
 
     def tables(self) -> list[Table]:
         """Return the assemblies, the measurements, the unknowns, and the commands with what they lack."""
         one = self.campaign
         rows = [
-            (name, " - ".join(assembly.elements), 1e3 * assembly.length, assembly.mass, self._measured(name))
+            (name, self._chain(name), 1e3 * assembly.length, assembly.mass, self._measured(name))
             for name, assembly in one.assemblies.items()
         ]
         columns = ("name", "chain", Column("length", "mm", ".5g"), Column("mass", "kg", ".3g"), "role")
@@ -106,7 +112,12 @@ class CampaignCheck(Result):
         ]
         return [table for table in tables if table.rows]
 
+    def _chain(self, assembly: str) -> str:
+        return " - ".join(self.campaign.table.assemblies[assembly].chain)
+
     def _measured(self, assembly: str) -> str:
+        if assembly in self.campaign.blanks:
+            return f"blank of {self.campaign.blanks[assembly]}"
         own = [table for table in self.campaign.table.measurements.values() if table.assembly == assembly]
         if not own:
             return "predicted"
@@ -121,7 +132,7 @@ class CampaignCheck(Result):
         errors = {error.name for tolerances in one.tolerances.values() for error in tolerances}
         counts = (
             (len(one.assemblies), "assembly", "assemblies"),
-            (len(one.measurements), "measurement", "measurements"),
+            (len(one.measurements) + len(one.on_blanks), "measurement", "measurements"),
             (len(one.unknowns), "unknown", "unknowns"),
             (len(errors), "dimension or material with a tolerance", "dimensions and materials with tolerances"),
         )
@@ -131,7 +142,8 @@ class CampaignCheck(Result):
         """Return what the description lacks, with the keys to write."""
         one = self.campaign
         found = list(missing_records(one))
-        frfs = {name: observation for name, observation in one.measurements.items() if observation.is_receptance}
+        everything = {**one.measurements, **one.on_blanks}
+        frfs = {name: observation for name, observation in everything.items() if observation.is_receptance}
         bare = [name for name in frfs if one.table.measurements[name].sensor is None]
         if bare:
             found.append(
@@ -164,10 +176,11 @@ class CampaignCheck(Result):
     def data(self) -> dict[str, Any]:
         """Return assemblies, measurements, unknowns, missing parts of commands, and advice."""
         one = self.campaign
+        everything = {**one.measurements, **one.on_blanks}
         return {
             "assemblies": {
                 name: {
-                    "chain": list(assembly.elements),
+                    "chain": one.table.assemblies[name].chain,
                     "length_m": assembly.length,
                     "mass_kg": assembly.mass,
                 }
@@ -176,12 +189,13 @@ class CampaignCheck(Result):
             "measurements": {
                 name: {
                     "assembly": table.assembly,
-                    "data": one.measurements[name].describe(),
+                    "data": everything[name].describe(),
                     "sensor": table.sensor,
                     "role": table.role,
                     "files": one.files_of(name),
                 }
                 for name, table in one.table.measurements.items()
+                if name in everything
             },
             "unknowns": {unknown.name: [unknown.lower, unknown.upper] for unknown in one.unknowns},
             "missing": {name: text for name, text in self.missing.items() if text},

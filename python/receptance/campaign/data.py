@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance._text import instead_of
-from receptance.campaign.build import Built
+from receptance.campaign.build import Built, blanks_of
 from receptance.campaign.cuts import CampaignCut
 from receptance.campaign.measurements import data_files
 from receptance.campaign.problems import CampaignError, Issue
@@ -52,6 +52,8 @@ class CampaignData(Renderable):
     """Configurations by name, without sensors. Unknown parameters have their start values."""
     measurements: dict[str, Observation]
     """Measurements by name, with the assembly including the sensor; their configuration is the assembly's name."""
+    on_blanks: dict[str, Observation] = field(default_factory=dict)
+    """Measurements of blanks in a spindle, by name, with the blank alone; only `Campaign.spindle` uses them."""
     unknowns: tuple[Unknown, ...]
     """Parameters to identify."""
     tolerances: dict[str, tuple[Tolerance, ...]] = field(default_factory=dict)
@@ -78,7 +80,12 @@ class CampaignData(Renderable):
 
     @classmethod
     def load(
-        cls, path: str | Path, *, threads: int | None = None, progress: Callable[[str], None] | None = None
+        cls,
+        path: str | Path,
+        *,
+        threads: int | None = None,
+        progress: Callable[[str], None] | None = None,
+        unidentified: bool = False,
     ) -> Self:
         """Read a campaign file and the data files that it names.
 
@@ -90,6 +97,9 @@ class CampaignData(Renderable):
             Threads of all analyses of the campaign, as in `Assembly.receptance`.
         progress : callable, optional
             Called with a line of text before each measurement is read, and before each step of an analysis.
+        unidentified : bool, optional
+            Whether spindles with blanks may lack their file, as before `Campaign.spindle`; assemblies that end with one
+            are then left out, with their measurements.
 
         Returns
         -------
@@ -118,7 +128,7 @@ class CampaignData(Renderable):
         >>> sorted(er32.assemblies)[:2]
         ['d11_long', 'd11_medium']
         """
-        return cls(**read_campaign(path, threads=threads, progress=progress))
+        return cls(**read_campaign(path, threads=threads, progress=progress, unidentified=unidentified))
 
     @classmethod
     def from_contents(cls, file: Path, data: dict[str, Any], text: str = "") -> Self:
@@ -167,6 +177,11 @@ class CampaignData(Renderable):
         return {name: observation for name, observation in self.measurements.items() if name not in held_out}
 
     @property
+    def blanks(self) -> dict[str, str]:
+        """Assemblies that are a blank in a spindle, and their spindles."""
+        return blanks_of(self.table)
+
+    @property
     def held_out(self) -> dict[str, Observation]:
         """Measurements that predictions are compared with."""
         names = {name for name, table in self.table.measurements.items() if table.role == "hold out"}
@@ -184,7 +199,8 @@ class CampaignData(Renderable):
     def unmeasured(self) -> dict[str, Assembly]:
         """Assemblies without any measurement."""
         measured = {observation.configuration for observation in self.measurements.values()}
-        return {name: assembly for name, assembly in self.assemblies.items() if name not in measured}
+        excluded = measured | self.blanks.keys()
+        return {name: assembly for name, assembly in self.assemblies.items() if name not in excluded}
 
     @property
     def highest_frequency(self) -> float | None:
@@ -238,17 +254,18 @@ class CampaignData(Renderable):
         """Return the measurements; those of a series in a table of their own."""
         groups: dict[str, list[str]] = {}
         rows = []
-        for name, observation in self.measurements.items():
+        for name, observation in (*self.measurements.items(), *self.on_blanks.items()):
             if name in self.templates:
                 groups.setdefault(self.templates[name], []).append(name)
             else:
                 table = self.table.measurements[name]
                 assembly = table.assembly if table.assembly != name else ""
-                rows.append((name, assembly, observation.describe(), table.sensor, table.role))
+                role = f"blank, {table.role}" if name in self.on_blanks else table.role
+                rows.append((name, assembly, observation.describe(), table.sensor, role))
         tables = [Table("Measurements", ("name", "assembly", "data", "sensor", "role"), rows).without_empty()]
         series = []
         for template, group in groups.items():
-            contents = dict.fromkeys(self.measurements[name].describe() for name in group)
+            contents = dict.fromkeys({**self.measurements, **self.on_blanks}[name].describe() for name in group)
             data = next(iter(contents)) + (", and others" if len(contents) > 1 else "")
             series.append((template, len(group), sum(name in self.held_out for name in group), data))
         counts = (Column("levels", form="d"), Column("held out", form="d"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,9 @@ from receptance.campaign.comparison import Comparison
 from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import LevelSeries
 from receptance.campaign.prediction import Prediction
+from receptance.campaign.spindle import SpindleIdentification
 from receptance.campaign.values import kind_of
-from receptance.coupling.figure import draw_with_law
+from receptance.coupling.figure import draw_spindle, draw_with_law
 from receptance.fit.figure import (
     MOST_FRFS,
     cell_grid,
@@ -29,13 +31,17 @@ from receptance.fit.figure import (
 )
 from receptance.fit.observation import Observation
 from receptance.fit.prediction import PredictedFRF
+from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.figure import Drawing, Mark, draw_assemblies
+from receptance.model.terminals import ModalPart, Mode
 from receptance.report.figure import BAND, INK, PALE, finished, panels, surface, title_left
 from receptance.sweep.figure import draw_misfit
 
 _MOST_OF_CAMPAIGN = 3
 """Most assemblies in the figure of a campaign."""
+_GAP = 2.5
+"""Times the median spacing of lines: no curve crosses a wider gap."""
 _MOST_SHAPES = 8
 """Most assemblies in the figure of a check; those of the same shape are drawn once."""
 
@@ -51,9 +57,12 @@ def draw_check(check: CampaignCheck, ax: Axes | None = None) -> Figure:
     groups: dict[Any, list[str]] = {}
     drawings: dict[Any, Drawing] = {}
     for name, assembly in check.campaign.assemblies.items():
-        measured = [m for m in check.campaign.measurements.values() if m.configuration == name]
+        everything = (*check.campaign.measurements.values(), *check.campaign.on_blanks.values())
+        measured = [m for m in everything if m.configuration == name]
         marks = tuple(dict.fromkeys(mark for observation in measured for mark in _marks(observation)))
         shown = measured[0].assembly if measured else assembly
+        if name in check.campaign.blanks:
+            shown = _in_spindle(shown, check.campaign.blanks[name])
         key = (*(_shape(element) for element in shown.elements.items()), tuple(shown.attachments), marks)
         groups.setdefault(key, []).append(name)
         drawings.setdefault(key, Drawing(shown, "", marks))
@@ -64,6 +73,12 @@ def draw_check(check: CampaignCheck, ax: Axes | None = None) -> Figure:
     left = len(drawings) - len(titled)
     more = f"  ·  {left} more shapes are not drawn" if left else ""
     return draw_assemblies(titled, ax, title=f"{check.campaign.title}{more}")
+
+
+def _in_spindle(blank: Assembly, name: str) -> Assembly:
+    """Return a blank with its spindle, which is drawn, whether it is identified or not."""
+    any_mode = Mode(frequency_hz=1e3, damping_ratio=0.0, y=0.0, theta=0.0)
+    return Assembly([*blank.elements.values(), ModalPart(modes=(any_mode,), name=name)], blank.attachments.values())
 
 
 def _shape(item: tuple[str, Any]) -> Any:
@@ -113,14 +128,16 @@ def draw_prediction(prediction: Prediction, ax: Axes | None = None) -> Figure:
 
 
 def _predicted_frf(cell: SubFigure, frf: PredictedFRF, prediction: Prediction) -> None:
-    lines = frf.frequency_hz.real
     measured = frf.measured is not None
+    if not measured:
+        frf = _with_gaps(frf)
+    lines = frf.frequency_hz.real
     top, below = pair_of_panels(cell)
     title = f"{frf.name}: {'held out' if measured else 'predicted, not measured'}"
     set_up_magnitude(top, title, frf.response, frf.excitation)
     size = np.abs(frf.receptance)
     shown = size if frf.measured is None else np.concatenate([size, np.abs(frf.measured)])
-    limits = float(shown.min()) / 2.0, float(shown.max()) * 30.0
+    limits = float(np.nanmin(shown)) / 2.0, float(np.nanmax(shown)) * 30.0
     low, high = frf.band(prediction.level)
     low, high = np.clip(low, limits[0] / 10.0, None), np.clip(high, None, limits[1] * 10.0)
     top.fill_between(lines, low, high, color=BAND, linewidth=0, label=f"{100.0 * prediction.level:g} % band")
@@ -134,6 +151,24 @@ def _predicted_frf(cell: SubFigure, frf: PredictedFRF, prediction: Prediction) -
     label = "measured over\npredicted (dB)" if measured else "band (dB)"
     log_ratio = frf.log_ratio.real if measured else None
     draw_ratio(below, label, lines, log_ratio, prediction.reach * frf.scatter.total, frf.measured_deviation)
+
+
+def _with_gaps(frf: PredictedFRF) -> PredictedFRF:
+    """Return a prediction with a line without a value in each gap of its lines, so that no curve crosses it."""
+    lines = frf.frequency_hz
+    spacing = np.diff(lines.real)
+    at = np.flatnonzero(spacing > _GAP * np.median(spacing)) + 1 if spacing.size else np.empty(0, dtype=np.intp)
+    if not at.size:
+        return frf
+
+    def inserted(values: NDArray[Any]) -> NDArray[Any]:
+        return np.insert(values, at, np.nan, axis=-1)
+
+    middles = np.insert(lines, at, 0.5 * (lines[at - 1] + lines[at]))
+    scatter = replace(frf.scatter, total=inserted(frf.scatter.total))
+    return replace(
+        frf, frequency_hz=middles, receptance=inserted(frf.receptance), scatter=scatter, drawn=inserted(frf.drawn)
+    )
 
 
 def _name_modes(axes: Axes, frequency_hz: NDArray[np.float64], half_hz: NDArray[np.float64]) -> None:
@@ -159,6 +194,11 @@ def draw_series(levels: LevelSeries, ax: Axes | None = None) -> Figure:
     if levels.provenance.title:
         title_left(figure, levels.provenance.title)
     return finished(figure)
+
+
+def draw_spindle_identification(found: SpindleIdentification, ax: Axes | None = None) -> Figure:
+    """Draw the terms of a spindle with bands and usable lines, its modes over them, and the condition number."""
+    return draw_spindle(found.table, ax, modes=found.modes, rejection=found.rejection)
 
 
 def draw_comparison(comparison: Comparison, ax: Axes | None = None) -> Figure:

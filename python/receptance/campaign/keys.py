@@ -22,7 +22,7 @@ from receptance.model.beams import Material
 from receptance.model.fields import AttachedTo, Element, Field, Key, Member, Number, Numbers, T
 from receptance.units import NUMBER, Quantity, parse
 
-OWNERS = ("parts", "modal_parts", "joints", "attachments", "sensors")
+OWNERS = ("parts", "modal_parts", "spindles", "joints", "attachments", "sensors")
 """Sections whose names begin addresses."""
 _SINGULAR = {
     "assemblies": "an assembly",
@@ -30,7 +30,10 @@ _SINGULAR = {
     "materials": "a material",
     "parts": "a part",
     "modal_parts": "a modal part",
+    "spindles": "a spindle",
 }
+_RARE = ("modal_parts", "spindles")
+"""Sections that messages mention only if the file has them."""
 WORD = r"^[^\W\d]\w*$"
 """Pattern of a name that begins addresses."""
 WRONG: Final = object()
@@ -100,8 +103,7 @@ class Place:
         names = [other for section in sections for other in self.named[section]]
         if name in names or not self.broken.isdisjoint(sections):
             return
-        # Messages mention modal parts only if the file has some.
-        mentioned = [section for section in sections if section != "modal_parts" or self.named[section]]
+        mentioned = [one for one in sections if one not in _RARE or self.named[one]] or list(sections)
         what = " or ".join(_SINGULAR.get(section, f"a {section.removesuffix('s')}") for section in mentioned)
         self.mistake(f'is "{name}", which is not {what} of this file{instead_of(name, names)}')
 
@@ -228,7 +230,12 @@ def name_in_machine() -> Field[str]:
         if name in place.named["modal_parts"]:
             place.mistake(
                 f'is "{name}", a modal part, which `machine` cannot contain; expected parts and joints, or the '
-                'spindle in a file of its own, named by `spindle = "FILE"`'
+                'spindle in a file of its own, [spindles.NAME], and `spindle = "NAME"`'
+            )
+        elif name in place.named["spindles"]:
+            place.mistake(
+                f'is "{name}", a measured spindle; expected parts and joints before it in `machine`, which may be '
+                f'empty, and `spindle = "{name}"`'
             )
         else:
             place.name(name, "parts", "joints")
@@ -248,6 +255,16 @@ def data_file(doc: str = "") -> Field[str]:
             mistake = f'is "{name}", which {what}, expected a data file in {folder.resolve()}'
             place.mistake(mistake + did_you_mean(file.name, near))
         return name
+
+    return Value(doc, read)
+
+
+def spindle_file(doc: str) -> Field[str]:
+    """Declare the file of a spindle, which is not there yet where `blanks` of the same table identify it."""
+    present = data_file()
+
+    def read(written: Any, place: Place) -> str:
+        return text_of(written) if place.table.get("blanks") else present.read(written, place)
 
     return Value(doc, read)
 

@@ -37,6 +37,7 @@ from receptance.frf import FRF
 from receptance.hammer import HammerRecords
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
+from receptance.model.terminals import MeasuredPart, Terminal
 from receptance.predict import Candidate
 from receptance.units import FORMS
 
@@ -95,6 +96,7 @@ class MeasurementReader:
                     partial(make, path, _lines, table),
                 )
             )
+            lines = self._known_lines(path, lines, assembly)
             observation = make(
                 path,
                 Observation,
@@ -107,6 +109,22 @@ class MeasurementReader:
             )
         errors = self._errors(table.assembly, table.sensor)
         return make(path, Candidate, observation=observation, tolerances=errors, cost=table.cost)
+
+    def _known_lines(self, path: KeyPath, lines: NDArray[np.float64], assembly: Assembly) -> NDArray[np.float64]:
+        """Return the lines of a candidate on which the spindle of its assembly is known."""
+        *_, end = assembly.elements.values()
+        if not isinstance(end, Terminal):
+            return lines
+        known = end.covers(lines)
+        if not known.any():
+            low, high = end.edges_hz
+            self.builder.fail(
+                path, f"has no line on which {end.name} is known, expected some from {low:g} to {high:g} Hz"
+            )
+        if not known.all():
+            text = f"{np.count_nonzero(known)} of {lines.size} lines are used; on the others {end.name} is not known"
+            self.builder.note(path, text)
+        return lines[known]
 
     def _conditions(self, table: MeasurementTable | CandidateTable) -> dict[str, float]:
         """Return the conditions of an assembly with those of a measurement."""
@@ -175,9 +193,10 @@ class MeasurementReader:
             raise ValueError(
                 "has `force`, a key of stepped sines, and `ends`, a key of hammer hits; expected one of them"
             )
+        chosen = frf if table.bands is None else restrict_to_bands(frf, table.bands)
         observation = Observation.from_frf(
             assembly,
-            frf if table.bands is None else restrict_to_bands(frf, table.bands),
+            restrict_to_spindle(chosen, assembly),
             floor=table.floor or 0.0,
             configuration=table.assembly,
             conditions=self._conditions(table),
@@ -332,6 +351,38 @@ def restrict_to_bands(frf: FRF, bands: Sequence[Sequence[float]]) -> FRF:
             )
         chosen |= used
     return frf.with_(usable=chosen, notes=(*frf.notes, *notes))
+
+
+def restrict_to_spindle(frf: FRF, assembly: Assembly) -> FRF:
+    """Return the FRF with only those lines usable on which the spindle of its assembly is known, and a note."""
+    *_, end = assembly.elements.values()
+    if not isinstance(end, Terminal):
+        return frf
+    source = (isinstance(end, MeasuredPart) and end.source) or end.name
+    if isinstance(end, MeasuredPart) and not np.isclose(end.decay_rate, frf.decay_rate, rtol=1e-9):
+        raise ValueError(
+            f"has a decay rate of {frf.decay_rate:g} 1/s of its exponential window, and the table of the spindle "
+            f"{source} one of {end.decay_rate:g} 1/s; expected equal ones, or modes of the spindle, which have no "
+            "window: `receptance spindle CAMPAIGN --modes auto`"
+        )
+    usable = np.ones(frf.frequency_hz.size, dtype=np.bool_) if frf.usable is None else frf.usable
+    known = np.zeros_like(usable)
+    positive = frf.frequency_hz > 0.0
+    known[positive] = end.covers(frf.frequency_hz[positive])
+    used = usable & known
+    count, of = np.count_nonzero(used), np.count_nonzero(usable)
+    if count == of:
+        return frf
+    measured = frf.frequency_hz[usable]
+    edges = end.edges_hz
+    if not count:
+        raise ValueError(
+            f"has {of} usable lines from {measured[0]:g} to {measured[-1]:g} Hz, and the spindle {source} is known on "
+            f"none of them, from {edges[0]:g} to {edges[1]:g} Hz; expected records of blank and tool on the same "
+            "lines, or modes of the spindle in this band: `receptance spindle CAMPAIGN --modes auto`"
+        )
+    note = f"{count} of {of} usable lines are used; on the others the spindle {source} is not known"
+    return frf.with_(usable=used, notes=(*frf.notes, note))
 
 
 def integrate_motion(observation: Observation, times: int) -> Observation:

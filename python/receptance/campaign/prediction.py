@@ -20,7 +20,7 @@ from receptance.fit.prediction import PredictedFrequencies, PredictedFRF
 from receptance.fit.predictor import PredictedAssembly, Predictor
 from receptance.fit.unknowns import covered
 from receptance.model.assembly import Assembly
-from receptance.model.terminals import MeasuredPart, ModalPart
+from receptance.model.terminals import EQUAL_LINES, MeasuredPart, Terminal
 from receptance.report import ACCEPTED, Column, Provenance, Rejection, Result, Table
 from receptance.report.table import Cell
 
@@ -321,6 +321,12 @@ def _unmeasured(
 ) -> tuple[PredictedFrequencies | None, PredictedFRF]:
     assembly = predicted.assembly
     lines = prediction_lines(campaign, assembly)
+    *_, end = assembly.elements.values()
+    notes += beyond_spindle(campaign, end) if isinstance(end, Terminal) else []
+    if isinstance(end, MeasuredPart) and end.gaps_hz:
+        widest = max(end.gaps_hz, key=lambda gap: gap[1] - gap[0])
+        text = f"{name}: the spindle {source_of(end)} is not known in {len(end.gaps_hz)} gaps of its lines, the widest"
+        notes.append(f"{text} from {widest[0]:g} to {widest[1]:g} Hz; a peak in one of them is not predicted")
     if assembly.countable:
         frequencies = predicted.natural_frequencies(float(lines[-1]))
     else:
@@ -343,18 +349,12 @@ def _unmeasured(
 def prediction_lines(campaign: CampaignData, assembly: Assembly) -> NDArray[np.float64]:
     """Return the lines in Hz on which an assembly without measurements is predicted."""
     settings = campaign.table.prediction
+    *_, end = assembly.elements.values()
+    if isinstance(end, Terminal) and np.isfinite(end.edges_hz[1]):
+        return spindle_lines(campaign, end, _LINES)
     upper = campaign.highest_frequency
     if upper is None:
         raise campaign.error("the highest frequency of predictions is not given, expected `prediction.upper`")
-    *_, end = assembly.elements.values()
-    if isinstance(end, MeasuredPart) and settings.step is None:
-        # Between its lines a table may have no value.
-        table = np.asarray(end.frequency_hz)
-        lines = np.asarray(table[(table >= (settings.lower or 0.0)) & (table <= upper)])
-        if lines.size < 2:
-            text = f"is {upper:g} Hz for predictions, but {end.name or 'the table'} has lines from {table[0]:g} to "
-            raise campaign.error(f"{text}{table[-1]:g} Hz, expected at least two of them", "prediction", "upper")
-        return lines
     try:
         modes = assembly.natural_frequencies(upper) if assembly.countable else np.empty(0)
     except ValueError as error:
@@ -365,9 +365,50 @@ def prediction_lines(campaign: CampaignData, assembly: Assembly) -> NDArray[np.f
     if lower is None and assembly.countable:
         lower = 0.1 * float(modes[0] if modes.size else upper)
     elif lower is None:
-        band = end.band_hz if isinstance(end, ModalPart) else None
-        lower = band[0] if band else upper / _LINES
+        lower = upper / _LINES
     return lines_between(campaign, lower, upper, _LINES)
+
+
+def spindle_lines(campaign: CampaignData, spindle: Terminal, steps: int) -> NDArray[np.float64]:
+    """Return the lines in Hz on which assemblies with a spindle are predicted, those within the limits of predictions.
+
+    They are those of a table, or, with modes or a stated step, lines of the band in which the spindle is known.
+    """
+    settings, (low, high) = campaign.table.prediction, spindle.edges_hz
+    lower, upper = max(settings.lower or 0.0, low or high / steps), min(settings.upper or high, high)
+    if isinstance(spindle, MeasuredPart) and settings.step is None:
+        lines = spindle.frequency_hz
+        lines = lines[(lines >= lower * (1.0 - EQUAL_LINES)) & (lines <= upper * (1.0 + EQUAL_LINES))]
+    elif lower < upper:
+        lines = lines_between(campaign, lower, upper, steps)
+        lines = lines[spindle.covers(lines)]
+    else:
+        lines = np.empty(0)
+    if not lines.size:
+        raise campaign.error(
+            f"predictions are from {settings.lower or 0.0:g} to {settings.upper or high:g} Hz, and the spindle "
+            f"{source_of(spindle)} is known from {low:g} to {high:g} Hz, on none of their lines; expected other "
+            "limits, or no `step`, in `prediction`"
+        )
+    return lines
+
+
+def beyond_spindle(campaign: CampaignData, spindle: Terminal) -> list[str]:
+    """Return a note on limits of predictions beyond the lines on which a spindle is known; empty without such."""
+    settings, (low, high) = campaign.table.prediction, spindle.edges_hz
+    over = settings.upper is not None and settings.upper > high * (1.0 + EQUAL_LINES)
+    under = settings.lower is not None and settings.lower < low * (1.0 - EQUAL_LINES)
+    if not over and not under:
+        return []
+    return [
+        f"predictions with the spindle {source_of(spindle)} are from {low:g} to {high:g} Hz, where it is known, "
+        "although `prediction` has wider limits"
+    ]
+
+
+def source_of(spindle: Terminal) -> str:
+    """Return the file of a table, else the name of the spindle, for messages."""
+    return (isinstance(spindle, MeasuredPart) and spindle.source) or spindle.name
 
 
 def lines_between(campaign: CampaignData, lower: float, upper: float, steps: int) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from typing import Any
 from receptance import _checks
 from receptance._files import not_found, read_whole
 from receptance._text import did_you_mean, shown
-from receptance.campaign.build import Builder, Built, modal_unknowns
+from receptance.campaign.build import Builder, Built, blanks_of, modal_unknowns
 from receptance.campaign.cuts import CampaignCut, build_cut
 from receptance.campaign.keys import OWNERS, WRONG, NamedTables, Place
 from receptance.campaign.measurements import MeasurementReader, note_repeated
@@ -45,12 +45,16 @@ def silent(text: str) -> None:
 
 
 def read_campaign(
-    path: str | Path, *, threads: int | None = None, progress: Callable[[str], None] | None = None
+    path: str | Path,
+    *,
+    threads: int | None = None,
+    progress: Callable[[str], None] | None = None,
+    unidentified: bool = False,
 ) -> dict[str, Any]:
     """Return the fields of the campaign in a file, see `receptance.campaign.Campaign.load`."""
     file = _find(Path(path))
     data, text = read_contents(file)
-    return campaign_fields(file, data, text, called=path, threads=threads, progress=progress)
+    return campaign_fields(file, data, text, called=path, threads=threads, progress=progress, unidentified=unidentified)
 
 
 def campaign_fields(
@@ -61,10 +65,12 @@ def campaign_fields(
     called: str | Path | None = None,
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
+    unidentified: bool = False,
 ) -> dict[str, Any]:
     """Return the fields of the campaign of the contents of a file, which need not exist.
 
     The folder of `file` is that of the data files, `text` is that of `data`, and `called` is the name in messages.
+    Spindles that are not identified yet are a mistake unless `unidentified`.
     """
     _checks.thread_count(threads)
     say = progress or silent
@@ -86,8 +92,20 @@ def campaign_fields(
     for name in table.cuts:
         builder.store(cuts, name, build_cut, name, reader, measurements)
     _check_stability(table, problems)
+    blanks = blanks_of(table)
+    on_blanks = {name: one for name, one in measurements.items() if table.measurements[name].assembly in blanks}
+    measurements = {name: one for name, one in measurements.items() if name not in on_blanks}
     _check_weights(measurements, table, problems)
-    if not problems.found:
+    if table.catalogue is not None and not table.catalogue.machine and table.catalogue.spindle is None:
+        text = "is empty, expected what is behind the holder, or `spindle` with the name of a measured one"
+        problems.add(("catalogue", "machine"), text)
+    if built.unidentified and not unidentified and not problems.found:
+        needed = {assembly.chain[-1] for name, assembly in table.assemblies.items() if name not in blanks}
+        needed |= {table.catalogue.spindle or ""} if table.catalogue is not None else set()
+        for name, lacks in built.unidentified.items():
+            if name in needed:
+                problems.add(("spindles", name), lacks)
+    if not problems.found and not built.unidentified:
         built.unknowns |= modal_unknowns(table, built, measurements, builder)
     if problems.found:
         raise CampaignError(called or file, problems.in_file())
@@ -98,7 +116,8 @@ def campaign_fields(
         "table": table,
         "assemblies": built.assemblies,
         "measurements": measurements,
-        "errors": {name: reader.errors(name) for name in measurements},
+        "on_blanks": on_blanks,
+        "errors": {name: reader.errors(name) for name in (*measurements, *on_blanks)},
         "unknowns": tuple(built.unknowns.values()),
         "tolerances": tolerances,
         "places": places,
@@ -135,7 +154,7 @@ def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
 def _build(data: dict[str, Any], problems: Problems, folder: Path | None) -> tuple[CampaignTable, Builder, Built]:
     """Return the tables and the objects built from them; data files are looked for if a folder is given."""
     table = _tables(data, problems, folder)
-    builder = Builder(problems)
+    builder = Builder(problems, folder)
     return table, builder, builder.build(table)
 
 

@@ -63,6 +63,36 @@ class Campaign(CampaignData):
         """
         return identify_campaign(self, profiles)
 
+    def spindle(
+        self,
+        name: str | None = None,
+        *,
+        modes: int | Sequence[float] | Literal["auto"] | None = None,
+        limit: float = 0.2,
+    ) -> campaign.SpindleIdentification:
+        """Identify a spindle from the FRFs of its blanks, line by line, and as modes.
+
+        Held-out FRFs of the blanks are compared with the result. A campaign whose other assemblies end with the spindle
+        is loaded with `unidentified=True` before its file is written, `coupling.write_spindle(file, found.identified)`.
+
+        Parameters
+        ----------
+        name : str, optional
+            Name of the spindle; needed if several have blanks.
+        modes : int, sequence of float or "auto", optional
+            Number of modes, or their approximate frequencies in Hz; "auto" for as many as `modal.fit_modes` finds. By
+            default no modes are fitted.
+        limit : float, optional
+            As in `receptance.coupling.identify_spindle`.
+
+        Raises
+        ------
+        CampaignError
+            No blanks; too few or contradicting FRFs; or as in `identify_spindle` and `fit_spindle`.
+        """
+        count = None if modes == "auto" else modes
+        return campaign.spindle.spindle_of_campaign(self, name, count, as_modes=modes is not None, limit=limit)
+
     def invert(
         self,
         joint: str | None = None,

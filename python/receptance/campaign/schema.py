@@ -35,6 +35,7 @@ from receptance.campaign.keys import (
     name_in_machine,
     one_or_list,
     plain,
+    spindle_file,
     text,
     text_of,
     value_at_address,
@@ -136,6 +137,23 @@ class ModalPartKeys(KeyTable):
 
 
 MODAL_PART = element_keys(ModalPart, more=ModalPartKeys)
+
+
+class SpindleTable(KeyTable):
+    """A spindle that is measured with a blank in it: the last name of a chain. It has a file, or blanks, or both."""
+
+    file = spindle_file(
+        "file that assemblies with this spindle read, and that `receptance spindle` writes: receptances (.npz), modes "
+        "(.toml), or an FRF matrix over y and theta of any program"
+    ).default(None)
+    blanks = ListOf(
+        'names of assemblies that are a known blank in this spindle, `chain = ["blank", "spindle"]`; from their FRFs '
+        "`receptance spindle` identifies it, other commands do not use them",
+        name_in("", "assemblies"),
+        least=1,
+    ).default(_NONE)
+
+
 JOINTS = OneKind(
     (
         element_keys(PointJoint, kind="point"),
@@ -168,8 +186,8 @@ class AssemblyTable(KeyTable):
     """A configuration: parts and joints in a row from the tip, and values of its own."""
 
     chain = ListOf(
-        "names of parts and joints from the tip on; begins with a part and ends with a part or a modal part",
-        name_in("", "parts", "joints", "modal_parts"),
+        "names of parts and joints from the tip on; begins with a part and ends with a part, a modal part or a spindle",
+        name_in("", "parts", "joints", "modal_parts", "spindles"),
         least=1,
     ).needed()
     attachments = ListOf("names of the masses and ground springs on it", name_in("", "attachments")).default(_NONE)
@@ -666,12 +684,11 @@ class CatalogueTable(KeyTable):
         "CSV file with a segment of a holder in each row; parts of this file are holders as well"
     ).default(None)
     machine = ListOf(
-        "names of joints and parts behind the holder, from its joint on", name_in_machine(), least=1
+        "names of joints and parts behind the holder, from its joint on; empty where `spindle` begins at the holder",
+        name_in_machine(),
     ).needed()
     attachments = ListOf("names of masses and ground springs on these parts", name_in("", "attachments")).default(_NONE)
-    spindle = text("file with the receptances of a spindle behind the machine: from `write_spindle`, or FRFs").default(
-        None
-    )
+    spindle = name_in("name of the measured spindle behind the machine", "spindles").default(None)
     joint = name_in("name of the joint between tool and holder, for rows that name none", "joints").default(None)
     tolerance = CatalogueSpread.keys("standard deviations of the dimensions of tools").default(CatalogueSpread())
 
@@ -700,6 +717,9 @@ class CampaignTable(KeyTable):
     parts: Mapping[str, PartTable] = _named_by_word("parts by name", PartTable.keys()).needed()
     modal_parts: Mapping[str, ElementTable] = _named_by_word(
         "parts known by their modes, such as a spindle, by name", MODAL_PART
+    ).default(_EMPTY)
+    spindles: Mapping[str, SpindleTable] = _named_by_word(
+        "spindles measured with blanks, by name", SpindleTable.keys()
     ).default(_EMPTY)
     joints: Mapping[str, ElementTable] = _named_by_word("joints by name", JOINTS).default(_EMPTY)
     sensors: Mapping[str, ElementTable] = _named_by_word("sensors by name", SENSOR).default(_EMPTY)

@@ -18,6 +18,7 @@ _SECTIONS: tuple[tuple[Any, str], ...] = (
     (tables.SEGMENT, "`[[parts.NAME.segments]]`"),
     (tables.MODAL_PART, "`[modal_parts.NAME]`"),
     (tables.MODE, "`[[modal_parts.NAME.modes]]`"),
+    (tables.SpindleTable, "`[spindles.NAME]`"),
     (tables.JOINTS.by_word["point"], "`[joints.NAME]`"),
     (tables.JOINTS.by_word["spread"], '`[joints.NAME]` with `kind = "spread"`'),
     (element_keys(Section, title="SectionMemberTable"), "`shank` and `sleeve` of a spread joint"),

@@ -16,7 +16,7 @@ from receptance._text import did_you_mean
 from receptance.campaign.cuts import CampaignCut, Tip
 from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import identify_campaign
-from receptance.campaign.prediction import predict_assembly, prediction_lines
+from receptance.campaign.prediction import beyond_spindle, predict_assembly, prediction_lines, source_of
 from receptance.campaign.problems import errors_about
 from receptance.diagnosis import HeldOut, Metric
 from receptance.fit import Identification, Observation
@@ -26,6 +26,7 @@ from receptance.frf.plausibility import low_frequency_rise
 from receptance.modal import ModeEstimate
 from receptance.model.assembly import Assembly
 from receptance.model.modes import damped_modes
+from receptance.model.terminals import MeasuredPart, Terminal
 from receptance.report import ACCEPTED, Rejection
 from receptance.stability import (
     Lobes,
@@ -70,6 +71,12 @@ class Tips:
             self.lines = receptance_matrix(measured[0], measured[-1])[0]
         else:
             self.lines = prediction_lines(campaign, next(p.assembly for p in predicted if p is not None))
+        self._spindles = [end for p in predicted if p is not None and isinstance(end := _end_of(p.assembly), Terminal)]
+        for spindle in self._spindles:
+            self.notes += beyond_spindle(campaign, spindle)
+            self.lines = self.lines[spindle.covers(self.lines)]
+            if not self.lines.size:
+                raise ValueError(f"the spindle {source_of(spindle)} is known on none of the lines of the other tip")
         self._draws, self._seed = campaign.table.stability.number_of_draws, campaign.table.stability.seed
         self._threads = campaign.threads
         self._sources: list[PredictedAssembly | _MeasuredTip] = []
@@ -100,15 +107,38 @@ class Tips:
 
     def receptances(self) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
         """Return valid draws of the receptance `(m, n, d, d)`, and a mask of the valid draws."""
-        drawn, good = self._drawn(_MeasuredTip.drawn_values, self._receptance_of)
-        return self._matrix(
+        drawn, good = self._valid(
             [
-                np.array(values)
-                if isinstance(source, _MeasuredTip)
-                else source.with_model_errors(self.lines, np.array(values), np.flatnonzero(good).tolist(), self._seed)
-                for source, values in zip(self._sources, drawn, strict=True)
+                s.drawn_values()
+                if isinstance(s, _MeasuredTip)
+                else s.drawn_receptances(self._receptance_of, s.linear(self.lines), self._draws, self._seed)
+                for s in self._sources
             ]
-        ), good
+        )
+        return self._matrix([np.array(values) for values in drawn]), good
+
+    def beside_gaps(self, receptance: NDArray[np.complex128]) -> tuple[str, ...]:
+        """Return why limits may be too high: the largest response of a tip lies beside lines without a spindle."""
+        gaps = [(s, gap) for s in self._spindles if isinstance(s, MeasuredPart) for gap in s.gaps_hz]
+        if not gaps:
+            return ()
+        texts = []
+        for spindle, (low, high) in gaps:
+            at = np.searchsorted(self.lines, low)
+            edges = [i for i in (at, at + 1) if i < self.lines.size]
+            size = np.abs(np.einsum("nii->ni", receptance))
+            if edges and np.any(size[edges].max(axis=0) > _BESIDE_GAP * size.max(axis=0)):
+                texts.append(
+                    f"the spindle {source_of(spindle)} is not known between {low:g} and {high:g} Hz, beside the "
+                    "largest response of the tip: a lower limit may lie there. Identify its modes, "
+                    "`receptance spindle CAMPAIGN --modes auto`"
+                )
+        lost = sum(high - low for _, (low, high) in gaps)
+        self.notes.append(
+            f"the spindle is not known in {len(gaps)} gaps of {lost:.0f} Hz together; a limit by chatter in one of "
+            "them is not seen"
+        )
+        return tuple(texts)
 
     def modes(self) -> TipModes:
         """Return the modes in x and y."""
@@ -127,14 +157,27 @@ class Tips:
                 ]
         return [self._joined(list(each)) for each in zip(*drawn, strict=True)], good
 
+    def require_modes(self) -> None:
+        """Raise unless the modes of every tip can be computed."""
+        for spindle in self._spindles:
+            raise ValueError(
+                f"the spindle {source_of(spindle)} is given as data, and semi-discretisation needs the modes of a tip, "
+                'which are those of beams or of a measured tip; expected `method = "mean force"` under [stability]'
+            )
+
     def _drawn(
         self, measured: Callable[[_MeasuredTip], Sequence[_Value]], predicted: Callable[[Assembly], _Value]
     ) -> tuple[list[list[_Value]], NDArray[np.bool_]]:
         """Return a value of each source for all draws that can be evaluated, and a mask of these."""
-        drawn: list[Sequence[_Value | None]] = [
-            measured(s) if isinstance(s, _MeasuredTip) else s.draw(predicted, self._draws, self._seed)
-            for s in self._sources
-        ]
+        return self._valid(
+            [
+                measured(s) if isinstance(s, _MeasuredTip) else s.draw(predicted, self._draws, self._seed)
+                for s in self._sources
+            ]
+        )
+
+    def _valid(self, drawn: Sequence[Sequence[_Value | None]]) -> tuple[list[list[_Value]], NDArray[np.bool_]]:
+        """Return the values of draws that all sources have, and a mask of these."""
         good = np.array([all(value is not None for value in each) for each in zip(*drawn, strict=True)])
         lost = int(np.count_nonzero(~good))
         if lost:
@@ -194,6 +237,10 @@ def _predicted_tip(
     return predict_assembly(campaign, identified, campaign.site(tip.assembly), tolerances, tip.assembly, notes)
 
 
+def _end_of(assembly: Assembly) -> Any:
+    return next(reversed(assembly.elements.values()))
+
+
 class _MeasuredTip:
     """A tip that was measured."""
 
@@ -236,6 +283,8 @@ class _MeasuredTip:
         return [one for one in map(found.mode, range(found.frequency_hz.size)) if one.modal_constant.real > 0.0]
 
 
+_BESIDE_GAP = 0.5
+"""Share of the largest magnitude of a tip above which a limit may lie in a gap beside the line."""
 _SEARCH_RATIO = 10.0
 """Largest depth of semi-discretisation, over the smallest depth by the mean force, by default."""
 
@@ -277,7 +326,7 @@ def _lobes(campaign: CampaignData, cut: CampaignCut, tips: Tips, speeds: NDArray
     several = cut.drawn(settings.number_of_draws, settings.seed)
     uncertain = tips.uncertain or several is not None
     receptance = tips.receptance()
-    if reasons := tips.beyond_lines():
+    if reasons := (*tips.beyond_lines(), *tips.beside_gaps(receptance)):
         lobes = without_limits(cut.cut, speeds, Rejection(unusable=reasons).of(f"cuts.{cut.name}"))
         return replace(cut.label(lobes), notes=tuple(dict.fromkeys(tips.notes)))
     if settings.method == "mean force":
@@ -292,6 +341,7 @@ def _lobes(campaign: CampaignData, cut: CampaignCut, tips: Tips, speeds: NDArray
         )
     else:
         assert isinstance(cut.cut, Milling)
+        tips.require_modes()
         most = settings.largest_depth
         if most is None:
             most = _SEARCH_RATIO * float(critical_depths(cut.cut.even, tips.lines, receptance)[0].min())

@@ -68,7 +68,7 @@ def tolerances_of_assembly(name: str, campaign: CampaignTable, built: Built, bui
     own = {own: (*here, "set", own) for address in table.set for own in covered(address, assembly)}
     inherited = ((a, own.get(a, path), deviation) for a, path, deviation in _inherited(assembly, campaign, {}))
     _add(errors, assembly, inherited, taken)
-    return _tolerances(errors)
+    return (*_tolerances(errors), *_of_spindle(assembly, built))
 
 
 def inherited_tolerances(
@@ -81,7 +81,13 @@ def inherited_tolerances(
     """
     errors: Errors = {}
     _add(errors, assembly, _inherited(assembly, campaign, parts), _identified(assembly, built))
-    return _tolerances(errors)
+    return (*_tolerances(errors), *_of_spindle(assembly, built))
+
+
+def _of_spindle(assembly: Assembly, built: Built) -> tuple[Tolerance, ...]:
+    """Return the errors of the spindle at the end of an assembly, which its file states."""
+    spindle = built.spindles.get(next(reversed(assembly.elements)))
+    return () if spindle is None else spindle.tolerances
 
 
 def with_attachments(

@@ -28,6 +28,7 @@ from receptance.diagnosis.model import Model
 from receptance.diagnosis.wording import title_of
 from receptance.errors import ReceptanceWarning
 from receptance.fit.observation import Observation, altered
+from receptance.fit.spindle_errors import has_spindle_errors
 from receptance.fit.unknowns import Law, Move, Tolerance, Unknown, covered
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Material, Part
@@ -209,7 +210,8 @@ def _extended(campaign: CampaignData, verdict: Verdict, folder: Path) -> dict[st
         name: _applied(base, explanation, observation, campaign.errors_of([name]))
         for name, observation in campaign.measurements.items()
     }
-    assemblies = {name: _of_assembly(campaign, base, explanation, name) for name in campaign.assemblies}
+    described = [name for name in campaign.assemblies if name not in campaign.blanks]
+    assemblies = {name: _of_assembly(campaign, base, explanation, name) for name in described}
     _write_structure(data, campaign, assemblies, {a for u in explanation.fit.model.unknowns for a in addresses_of(u)})
     # The end of truncated records, if a cause has identified it from all of them together.
     before = {name: observation.ends for name, observation in campaign.measurements.items()}
@@ -474,7 +476,7 @@ def _rebase_files(data: dict[str, Any], before: Path, after: Path) -> None:
     def moved(name: str) -> str:
         return Path(os.path.relpath((before / name).resolve(), after.resolve())).as_posix()
 
-    for table in data["measurements"].values():
+    for table in (*data["measurements"].values(), *data.get("spindles", {}).values()):
         for key in ("file", "coherence"):
             written = table.get(key)
             if isinstance(written, str):
@@ -486,10 +488,12 @@ def _rebase_files(data: dict[str, Any], before: Path, after: Path) -> None:
 def _on_diagnosed_lines(model: Model, diagnosed: Model, *, with_discrepancy: bool) -> Model:
     """Return the written model on the lines of the diagnosis, which leaves out noisy ones.
 
-    A discrepancy enlarges the standard deviations of the diagnosis; a campaign file does not describe it.
+    A discrepancy and errors of a spindle enlarge the standard deviations of the diagnosis; a campaign file does not
+    describe the first, and every fit adds the others.
     """
     seen = {observation.label: observation for observation in diagnosed.observations}
-    fields = ("standard_deviation", "correlated_lines", "standard_deviation_damping") if with_discrepancy else ()
+    enlarged = with_discrepancy or has_spindle_errors(model.observations)
+    fields = ("standard_deviation", "correlated_lines", "standard_deviation_damping") if enlarged else ()
     kept: list[Observation] = []
     for observation in model.observations:
         if (other := seen.get(observation.label)) is None:

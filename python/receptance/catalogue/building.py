@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from receptance import coupling
 from receptance._text import instead_of
 from receptance.campaign import Campaign, CampaignError, Deviation, Issue
 from receptance.campaign.tolerances import inherited_tolerances
@@ -53,8 +52,8 @@ class Catalogue:
     holders : str, path or dict of str to list of HolderRow, optional
         Likewise; parts of the campaign are holders as well.
     spindle : MeasuredPart or ModalPart, optional
-        Last element of the chain, behind the machine of the campaign; by default the file that the campaign names, if
-        it names one.
+        Last element of the chain, behind the machine of the campaign; by default the one that the campaign names, with
+        its errors, if it names one.
     errors : iterable of Tolerance, optional
         Further errors, such as `receptance.coupling.mode_tolerances` of the spindle.
 
@@ -78,7 +77,11 @@ class Catalogue:
         if table is None:
             raise CampaignError.about(campaign.file, _NO_CATALOGUE)
         self.campaign, self.table = campaign, table
-        self.spindle = spindle if spindle is not None or table.spindle is None else _spindle(table.spindle, campaign)
+        named = None if table.spindle is None else campaign.built.spindles.get(table.spindle)
+        if table.spindle is not None and named is None:
+            text = f"catalogue.spindle: {campaign.built.unidentified[table.spindle]}"
+            raise CampaignError.about(campaign.file, text)
+        self.spindle = named.part if spindle is None and named is not None else spindle
         self.errors = tuple(errors)
         self.file = _source(tools, table.tools, campaign, "tools")
         rows = tools if isinstance(tools, Sequence) and not isinstance(tools, str) else read_tools(self.file)
@@ -200,13 +203,6 @@ class Catalogue:
             self.assemble(self.tools[0])
         except (ValueError, TypeError) as error:
             raise CampaignError.about(self.campaign.file, f"catalogue: {error}") from error
-
-
-def _spindle(name: str, campaign: Campaign) -> MeasuredPart:
-    try:
-        return coupling.read_spindle(campaign.file.parent / name)
-    except (OSError, ValueError) as error:
-        raise CampaignError.about(campaign.file, f"catalogue.spindle: {error}") from error
 
 
 def _source(rows: object, named: str | None, campaign: Campaign, key: str) -> Path:

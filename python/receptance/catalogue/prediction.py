@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.campaign import CampaignError, predict_assembly
-from receptance.campaign.prediction import lines_between
+from receptance.campaign.prediction import beyond_spindle, lines_between, spindle_lines
 from receptance.catalogue.building import Catalogue
 from receptance.catalogue.rows import ToolRow
 from receptance.errors import ReceptanceError
@@ -21,7 +21,7 @@ from receptance.fit.covariance import confidence_multiplier
 from receptance.frf import FRF
 from receptance.frf.plausibility import check_drive_point, low_frequency_rise
 from receptance.model.assembly import Assembly
-from receptance.model.terminals import MeasuredPart, ModalPart
+from receptance.model.terminals import MeasuredPart
 from receptance.report import ACCEPTED, Rejection
 
 _LINES = 2000
@@ -169,8 +169,9 @@ def _predict(
 def _check_spindle(catalogue: Catalogue, lines: NDArray[np.float64]) -> tuple[str, ...]:
     """Raise CampaignError unless a measured spindle is that of a drive point; return a note on its lowest lines."""
     spindle = catalogue.spindle
+    beyond = () if spindle is None else tuple(beyond_spindle(catalogue.campaign, spindle))
     if not isinstance(spindle, MeasuredPart):
-        return ()
+        return beyond
     rows, name = np.isin(spindle.frequency_hz, lines), spindle.name or "the spindle"
     for i, entry in enumerate(("translation over force", "rotation over moment")):
         reason = check_drive_point(lines, spindle.matrix[rows, i, i], "receptance").reason
@@ -179,24 +180,21 @@ def _check_spindle(catalogue: Catalogue, lines: NDArray[np.float64]) -> tuple[st
             raise CampaignError.about(catalogue.campaign.file, text)
     rise = low_frequency_rise(lines, spindle.matrix[rows, 0, 0], drive_point=True)
     if rise is None:
-        return ()
-    return (f'{name}: {rise}. Leave these lines out, under [prediction] lower = "{rise.clear_hz:g} Hz"',)
+        return beyond
+    return (
+        *beyond,
+        f'{name}: {rise}. Leave these lines out, under [prediction] lower = "{rise.clear_hz:g} Hz"',
+    )
 
 
 def _lines(catalogue: Catalogue) -> NDArray[np.float64]:
     """Return the lines of the predictions: those of a measured spindle, else those of the table `prediction`."""
-    campaign = catalogue.campaign
-    settings = campaign.table.prediction
-    spindle = catalogue.spindle
-    if isinstance(spindle, MeasuredPart):
-        lines = np.asarray(spindle.frequency_hz)
-        low, high = settings.lower or 0.0, settings.upper or np.inf
-        return np.asarray(lines[(lines >= low) & (lines <= high)])
-    band = spindle.band_hz if isinstance(spindle, ModalPart) else None
-    upper = band[1] if band and settings.upper is None else campaign.highest_frequency
+    campaign, spindle = catalogue.campaign, catalogue.spindle
+    if spindle is not None and np.isfinite(spindle.edges_hz[1]):
+        return spindle_lines(campaign, spindle, _LINES - 1)
+    upper = campaign.highest_frequency
     if upper is None:
         raise CampaignError.about(
             campaign.file, "the highest frequency of predictions is not given, expected `prediction.upper`"
         )
-    lower = settings.lower or (band[0] if band else upper / _LINES)
-    return lines_between(campaign, lower, upper, _LINES - 1)
+    return lines_between(campaign, campaign.table.prediction.lower or upper / _LINES, upper, _LINES - 1)

@@ -32,6 +32,7 @@ from receptance.cli.demo import demo
 from receptance.cli.files import convert, show
 from receptance.cli.new import new
 from receptance.cli.running import InputError, InterruptedAnswer, takes_quiet
+from receptance.cli.spindle import spindle
 from receptance.cli.sweep import sweep
 from receptance.errors import MissingExtraError
 
@@ -44,6 +45,7 @@ _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
         "diagnose": diagnose,
         "next": next_measurement,
         "invert": invert,
+        "spindle": spindle,
         "sweep": sweep,
     },
     "Use": {"predict": predict, "transfer": transfer, "stability": stability, "catalogue": catalogue},

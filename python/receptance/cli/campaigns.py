@@ -35,25 +35,38 @@ CampaignFile = Annotated[
 ]
 
 
-def load_campaign(path: Path, targets: Targets, progress: Callable[[str], None]) -> campaign.Campaign:
+def load_campaign(
+    path: Path, targets: Targets, progress: Callable[[str], None], *, unidentified: bool = False
+) -> campaign.Campaign:
     """Read a campaign, and check that no file that it reads would be overwritten."""
     if not path.exists() and str(path) in examples.EXAMPLES:
         hint = f"`receptance example {path}` writes the example of this name"
         raise InputError(f"there is no campaign file or folder {path}; {hint}")
-    loaded = campaign.load(path, progress=progress)
+    loaded = campaign.load(path, progress=progress, unidentified=unidentified)
+    protect_files(loaded, targets)
+    targets.require_new()
+    return loaded
+
+
+def protect_files(loaded: campaign.Campaign, targets: Targets, *, of_spindles: bool = True) -> None:
+    """Raise `InputError` if an output file is one that the campaign reads."""
     targets.protect(loaded.file, "the campaign file")
-    files = [file for name in loaded.measurements for file in loaded.files_of(name)]
+    files = [file for name in (*loaded.measurements, *loaded.on_blanks) for file in loaded.files_of(name)]
+    files += [spindle.file for spindle in loaded.table.spindles.values() if of_spindles and spindle.file]
     files += [tip.file for cut in loaded.cuts.values() for tip in cut.tips if tip.file]
     if (table := loaded.table.catalogue) is not None:
         files += [name for name in (table.tools, table.holders) if name]
     for name in files:
         targets.protect(loaded.file.parent / name, "a data file of the campaign")
-    targets.require_new()
-    return loaded
 
 
 def run_on_campaign(
-    path: Path, targets: Targets, work: Callable[[campaign.Campaign], _Found], seed: int | None = None
+    path: Path,
+    targets: Targets,
+    work: Callable[[campaign.Campaign], _Found],
+    seed: int | None = None,
+    *,
+    unidentified: bool = False,
 ) -> tuple[campaign.Campaign, _Found]:
     """Read a campaign and analyse it, with a progress display; mistakes in the input become `InputError`.
 
@@ -61,7 +74,7 @@ def run_on_campaign(
     """
 
     def run(say: Callable[[str], None]) -> tuple[campaign.Campaign, _Found]:
-        read = load_campaign(path, targets, say)
+        read = load_campaign(path, targets, say, unidentified=unidentified)
         read = read if seed is None else read.with_seed(seed)
         return read, work(read)
 
@@ -92,7 +105,7 @@ def example(
         console.print(f"Written: {file}", soft_wrap=True)
     if len(files) > _MOST_FILES:
         console.print(f"Written: {len(files) - _MOST_FILES} more files in {target}", soft_wrap=True)
-    console.print(f"Next: receptance identify {files[0]}", soft_wrap=True)
+    console.print(f"Next: receptance {examples.EXAMPLES[name].first_command} {files[0]}", soft_wrap=True)
 
 
 @takes_targets("if identify or diagnose cannot run, or something is missing")
@@ -105,7 +118,7 @@ def check(
 
     The figure is opened in the default viewer, or saved with --plot.
     """
-    _, result = run_on_campaign(file, targets, campaign.CampaignCheck)
+    _, result = run_on_campaign(file, targets, campaign.CampaignCheck, unidentified=True)
     targets.show(result)
     if not no_window and not targets.asked:
         open_figure(targets.console(), result.plot, "check")

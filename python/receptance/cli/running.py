@@ -249,11 +249,11 @@ class Targets:
         draw: Callable[[], Any] | None = None,
         profiles: Callable[[], Any] | None = None,
         html: Callable[[], str] | None = None,
-        more: Mapping[Path, str] | None = None,
+        more: Mapping[Path, str | bytes] | None = None,
     ) -> None:
         """Write all output files or none; profiles become a second figure, and `more` are contents of other files."""
         json_file, plot, page = (self._files.get(option) for option in ("--json", "--plot", "--report"))
-        contents = {path: text.encode() for path, text in (more or {}).items()}
+        contents = {p: text.encode() if isinstance(text, str) else text for p, text in (more or {}).items()}
         document = ""
         if json_file is not None or self.json_to_output:
             document = json.dumps(results(), indent=2, allow_nan=False) + "\n"
@@ -285,7 +285,7 @@ class Targets:
         measured: Sequence[receptance.report.Table] = (),
         *,
         profiles: Callable[[], Any] | None = None,
-        more: Mapping[Path, str] | None = None,
+        more: Mapping[Path, str | bytes] | None = None,
     ) -> None:
         """Write the output files, print the result with the tables of its data, and print the names of the files."""
         self.write(result.to_dict, result.plot, profiles, lambda: result.to_html(measured=measured), more)

@@ -1,3 +1,4 @@
+from . import spindle_files as spindle_files
 from .crossed_spindle import CrossedSpindle as CrossedSpindle
 from .crossed_spindle import identify_crossed_spindle as identify_crossed_spindle
 from .differences import rotations as rotations

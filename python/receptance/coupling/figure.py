@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from receptance.coupling.force_series import ForceSeries
 from receptance.coupling.inverse import InverseCoupling, InverseCouplings
 from receptance.coupling.line_equations import TERMS
+from receptance.coupling.spindle_modes import SpindleModes
 from receptance.coupling.spindle_receptance import SpindleReceptance
 from receptance.model.joints import PointJoint
 from receptance.model.terminals import ENTRIES
+from receptance.report import ACCEPTED, Rejection
 from receptance.report.figure import (
     BAD,
     COLOURS,
@@ -28,6 +30,8 @@ from receptance.report.figure import (
 
 _NORMAL_95 = 1.96
 """Half width of a 95 % interval in standard deviations."""
+_FINE = 2000
+"""Number of lines of a curve of modes."""
 _SYMBOLS = {"k_y": "K_y", "k_theta": "K_\u03b8", "k_ytheta": "K_y\u03b8"}
 _TITLES = ("y/F (m/N)", "θ/M (rad/(N m))", "y/M (m/(N m))")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
@@ -121,13 +125,21 @@ def _draw_condition(axes: Axes, lines: NDArray[np.float64], condition: NDArray[n
     axes.set_xlim(lines[0], lines[-1])
 
 
-def draw_spindle(spindle: SpindleReceptance, ax: Axes | None = None) -> Figure:
-    """Draw the three terms with bands, and the condition number."""
+def draw_spindle(
+    spindle: SpindleReceptance,
+    ax: Axes | None = None,
+    *,
+    modes: SpindleModes | None = None,
+    rejection: Rejection = ACCEPTED,
+) -> Figure:
+    """Draw the three terms with bands, modes over them, and the condition number."""
     figure = surface(ax, 11.0, 8.5)
     text = (
         f"Spindle line by line: {', '.join(spindle.labels)}\nblue, with 95 % intervals: usable lines, standard "
         f"deviation below {100.0 * spindle.limit:g} %;  grey: others"
     )
+    if modes is not None:
+        text += f";  orange: {len(modes.part.modes)} modes and a residual"
     title_left(figure, text, 10.5)
     grid = figure.add_gridspec(2, 2)
     lines = np.asarray(spindle.frequency_hz).real
@@ -142,9 +154,12 @@ def draw_spindle(spindle: SpindleReceptance, ax: Axes | None = None) -> Figure:
         axes.semilogy(lines, shown, ".", color=COLOURS[0], markersize=2.5)
         if spindle.usable.any():
             axes.set_ylim(0.3 * np.nanmin(shown), 3.0 * np.nanmax(shown))
+        if modes is not None:
+            fine = np.linspace(lines[0], lines[-1], _FINE)
+            axes.semilogy(fine, np.abs(modes.part.receptance(fine)[:, i, j]), color=COLOURS[1], linewidth=1.2)
         axes.set_xlim(lines[0], lines[-1])
     _draw_condition(figure.add_subplot(grid[1, 1]), lines, spindle.condition)
-    return finished(figure)
+    return finished(figure, rejection)
 
 
 def draw_force_series(series: ForceSeries, ax: Axes | None = None) -> Figure:

@@ -20,8 +20,11 @@ from receptance.fit.covariance import square_root
 from receptance.fit.observation import altered
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
-from receptance.model.terminals import RESIDUALS, ModalPart, Mode
+from receptance.model.terminals import DISCREPANCY_WIDTH, RESIDUALS, ModalPart, Mode
 
+POOR = 2.0
+"""Rms of the residuals, in standard deviations, above which modes describe a spindle poorly. Smaller errors of a few
+modes with viscous damping are in their `discrepancy`."""
 _LOWEST_START = 0.02
 """Lowest damping ratio of a starting mode: a narrower mode cannot move away from a peak of noise."""
 _HIGHEST_DAMPING = 0.3
@@ -31,8 +34,6 @@ _RESIDUAL_SHARE = 0.5
 """Share of the residual that the start of this mode accounts for."""
 _HIGHEST_FREQUENCY = 5.0
 """Upper bound of the frequency of this mode, relative to the end of the band."""
-_NODE_SPACING = 0.25
-"""Distance of the nodes of the model error in the logarithm of frequency."""
 _DISCREPANCIES = (1e-6, 1.0)
 """Range of the relative model error."""
 _SYMMETRIC = 1e-9
@@ -46,30 +47,18 @@ class SpindleModes:
     """Modes of a spindle as identified by `fit_spindle`."""
 
     part: ModalPart
-    """The spindle as the end of an assembly; its band is that of the responses."""
-    identification: Identification
-    """The fit: values and their covariance by address, residuals, notes."""
-    discrepancy: float
-    """Relative standard deviation of the model error of y/F, theta/M and y/M, which a few modes with viscous damping
-    cannot represent. It is estimated from the residuals of the fit, and zero if these contain noise only."""
+    """The spindle as the end of an assembly; its band is that of the responses. Its `discrepancy` is that of a few
+    modes with viscous damping: it is estimated from the residuals of the fit, and zero if these contain noise only."""
+    covariance: NDArray[np.float64]
+    """`(m, m)` covariance of the parameters at `addresses`, in SI units: that of the fit, multiplied by the square of
+    the rms of the fit if that is above 1."""
+    identification: Identification | None = None
+    """The fit: values and their covariance by address, residuals, notes; None for modes that were read from a file."""
 
     @property
     def addresses(self) -> tuple[str, ...]:
         """Addresses of the modes' parameters in any assembly that ends with `part`."""
         return tuple(f"{self.part.name}.{quantity}" for quantity in self.part.addresses)
-
-    @property
-    def covariance(self) -> NDArray[np.float64]:
-        """`(m, m)` covariance of the parameters at `addresses`, in SI units.
-
-        It is the covariance of the fit, multiplied by the square of the rms of the fit if that is above 1.
-        """
-        fit = self.identification
-        order = [list(fit.values).index(address) for address in self.addresses]
-        scales = [fit.unknowns[index].scale for index in order]
-        values = np.array([fit.values[address] for address in self.addresses])
-        slope = np.where([scale == "log" for scale in scales], values * np.log(10.0), 1.0) * max(fit.rms, 1.0)
-        return np.asarray(fit.covariance)[np.ix_(order, order)] * np.outer(slope, slope)
 
     @property
     def tolerances(self) -> tuple[Tolerance, ...]:
@@ -127,11 +116,14 @@ class SpindleModes:
         addresses = [*self.addresses, *residuals]
         h, slope = machine.derivatives(frequency_hz, addresses, response=response, excitation=excitation)
         count = len(self.addresses)
-        errors = self.discrepancy * _magnitudes(self.part, np.asarray(frequency_hz))
-        return h, slope[..., :count], slope[..., count:] * errors
+        root = self.part.error_root(np.asarray(frequency_hz))
+        errors = np.zeros((h.size, 3), dtype=np.complex128)
+        if root is not None:
+            errors = np.einsum("nij,ni->nj", root, slope[..., count:])
+        return h, slope[..., :count], errors
 
     def __repr__(self) -> str:
-        return f"SpindleModes({self.part!r}, rms {self.identification.rms:.3g})"
+        return f"SpindleModes({self.part!r})"
 
 
 def fit_spindle(
@@ -140,6 +132,7 @@ def fit_spindle(
     *,
     modes: int | Sequence[float] | None = None,
     name: str = "spindle",
+    tolerances: Sequence[Tolerance] = (),
     threads: int | None = None,
 ) -> SpindleModes:
     """Fit modes and a residual to responses of blanks in a spindle.
@@ -159,6 +152,8 @@ def fit_spindle(
         Number of modes, or their approximate frequencies in Hz; by default as many as `fit_modes` finds.
     name : str, optional
         First word of the addresses of the parameters.
+    tolerances : sequence of Tolerance, optional
+        Errors of the blanks, which are fitted as well.
     threads : int, optional
         As in `Assembly.receptance`.
 
@@ -171,14 +166,46 @@ def fit_spindle(
     check_blanks(observed)
     start = _start(spindle, modes, name=name)
     low, high = (float(np.asarray(spindle.frequency_hz).real[i]) for i in (0, -1))
-    fit = identify(_coupled(observed, start), _unknowns(start, high), starts=1, threads=threads, noise="stated")
-    values = {address.split(".", 1)[1]: value for address, value in fit.values.items()}
-    part = start.with_values(values)
+    coupled, errors = _coupled(observed, start), tuple(tolerances)
+    unknowns = _unknowns(start, high)
+    fit = identify(coupled, unknowns, starts=1, tolerances=errors, threads=threads, noise="stated")
+    if not fit.converged or fit.rms > POOR:
+        # Modes with real shapes first: a complex one may leave its peak and become a background of all lines.
+        real = [unknown for unknown in unknowns if not unknown.address.endswith("_imaginary")]
+        first = identify(_coupled(observed, _with_real_shapes(start)), real, starts=1, threads=threads, noise="stated")
+        values = {unknown.address: first.values.get(unknown.address, 0.0) for unknown in unknowns}
+        started = [replace(unknown, start=values[unknown.address]) for unknown in unknowns]
+        again = identify(coupled, started, starts=1, tolerances=errors, threads=threads, noise="stated")
+        fit = min(fit, again, key=lambda each: each.rms)
+    fitted = {address: f"{name}.{address}" for address in start.addresses}
+    part = start.with_values({own: fit.values[address] for own, address in fitted.items() if address in fit.values})
+    discrepancy = _discrepancy(_coupled(observed, part), part)
     return SpindleModes(
-        part=replace(part, band_hz=(low, high)),
+        part=replace(part, band_hz=(low, high), discrepancy=discrepancy),
+        covariance=_covariance(fit, part),
         identification=fit,
-        discrepancy=_discrepancy(_coupled(observed, part), part),
     )
+
+
+def _with_real_shapes(part: ModalPart) -> ModalPart:
+    modes = [replace(mode, y_imaginary=0.0, theta_imaginary=0.0) for mode in part.modes]
+    return replace(part, modes=tuple(modes))
+
+
+def _covariance(fit: Identification, part: ModalPart) -> NDArray[np.float64]:
+    """Return the covariance of the numbers of a part in SI units, zero for those that are not fitted.
+
+    Errors of the blanks are among its causes.
+    """
+    order, names = list(fit.values), [f"{part.name}.{quantity}" for quantity in part.addresses]
+    rows = [i for i, name in enumerate(names) if name in fit.values]
+    columns = [order.index(names[i]) for i in rows]
+    values = np.array([fit.values[names[i]] for i in rows])
+    logarithmic = np.array([fit.unknowns[column].scale == "log" for column in columns])
+    slope = np.where(logarithmic, values * np.log(10.0), 1.0) * max(fit.rms, 1.0)
+    result = np.zeros((len(names), len(names)))
+    result[np.ix_(rows, rows)] = np.asarray(fit.covariance)[np.ix_(columns, columns)] * np.outer(slope, slope)
+    return result
 
 
 def mode_tolerances(part: ModalPart, covariance: ArrayLike) -> tuple[Tolerance, ...]:
@@ -222,10 +249,16 @@ def mode_tolerances(part: ModalPart, covariance: ArrayLike) -> tuple[Tolerance, 
         )
     if not np.isfinite(matrix).all():
         raise ValueError(f"{owner}: covariance has a number that is not finite")
-    deviation = np.sqrt(np.diag(matrix).clip(0.0))
+    if (np.diag(matrix) < 0.0).any():
+        address = part.addresses[int(np.argmin(np.diag(matrix)))]
+        raise ValueError(f"{owner}: covariance has a negative variance of {address}, expected zero or more")
+    deviation = np.sqrt(np.diag(matrix))
     exact = deviation == 0.0
     scale = np.where(exact, 1.0, deviation)
-    correlation = matrix / np.outer(scale, scale)
+    with np.errstate(over="ignore"):
+        correlation = matrix / scale[:, None] / scale
+    if not np.isfinite(correlation).all():
+        raise ValueError(f"{owner}: covariance has an entry far above the variances of its row and column")
     if np.abs(correlation - correlation.T).max() > _SYMMETRIC:
         raise ValueError(f"{owner}: covariance is not symmetric")
     values, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
@@ -246,18 +279,6 @@ def mode_tolerances(part: ModalPart, covariance: ArrayLike) -> tuple[Tolerance, 
     return tuple(tolerances)
 
 
-def _magnitudes(part: ModalPart, lines: NDArray[np.inexact]) -> NDArray[np.float64]:
-    """Return the root sum of squares of the contributions of modes and residual to y/F, theta/M and y/M, `(n, 3)`.
-
-    Model errors are relative to it, because at an antiresonance the contributions cancel and their errors do not.
-    """
-    terms = [np.abs(mode.entries(lines)[:, :2]) for mode in part.modes]
-    terms.append(np.tile(np.abs([part.residual_y, part.residual_theta]), (lines.size, 1)))
-    y, theta = np.sqrt(np.sum(np.square(terms), axis=0)).T
-    coupling = np.sqrt(np.sum([np.prod(term, axis=1) for term in terms], axis=0))
-    return np.stack([y, theta, coupling], axis=1)
-
-
 def _discrepancy(observed: Sequence[Observation], part: ModalPart) -> float:
     """Return the relative model error by restricted maximum likelihood of the residuals of the fit.
 
@@ -270,7 +291,7 @@ def _discrepancy(observed: Sequence[Observation], part: ModalPart) -> float:
     addresses = [f"{part.name}.{quantity}" for quantity in part.addresses]
     low = float(np.log(min(observation.frequency_hz[0].real for observation in observed)))
     high = float(np.log(max(observation.frequency_hz[-1].real for observation in observed)))
-    nodes = np.linspace(low, high, int(np.ceil((high - low) / _NODE_SPACING)) + 1)
+    nodes = np.linspace(low, high, int(np.ceil((high - low) / DISCREPANCY_WIDTH)) + 1)
     blocks = []
     for observation in observed:
         lines, deviation = observation.frequency_hz, np.asarray(observation.standard_deviation)
@@ -280,7 +301,9 @@ def _discrepancy(observed: Sequence[Observation], part: ModalPart) -> float:
         weighted = slope / (h * deviation)[:, None]
         residual = np.log(observation.receptance / h) / deviation
         # The last parameters are the residuals; their derivatives are those with respect to the entries.
-        entries = weighted[:, -len(RESIDUALS) :] * _magnitudes(part, lines)
+        root = replace(part, discrepancy=1.0).error_root(lines)
+        assert root is not None
+        entries = weighted[:, -len(RESIDUALS) :] * np.einsum("nii->ni", root)
         shares = np.stack([np.interp(np.log(lines.real), nodes, row) for row in np.eye(nodes.size)], axis=1)
         error = (entries[:, :, None] * shares[:, None, :]).reshape(lines.size, -1)
         # Real and imaginary parts are rows; an error has a real and an imaginary part, which are columns.
@@ -372,7 +395,9 @@ def _unknowns(start: ModalPart, high_hz: float) -> list[Unknown]:
         if f <= high_hz:
             lower, upper = (1.0 - _FREQUENCY_CHANGE) * f, (1.0 + _FREQUENCY_CHANGE) * f
         result.append(Unknown(address=f"{address}.frequency_hz", lower=lower, upper=upper, start=f))
-        result.append(Unknown(address=f"{address}.damping_ratio", lower=1e-5, upper=0.6, start=mode.damping_ratio))
+        if f <= high_hz:
+            # The damping of the mode above the band is held: below it its effect is that of the imaginary shape.
+            result.append(Unknown(address=f"{address}.damping_ratio", lower=1e-5, upper=0.6, start=mode.damping_ratio))
         for quantity, value, bound in zip(names, shapes[index].tolist(), largest, strict=True):
             result.append(Unknown(address=f"{address}.{quantity}", lower=-bound, upper=bound, start=value))
     # The bounds are ten times the sum of the modes at the end of the band.

@@ -22,10 +22,13 @@ from receptance.coupling.line_equations import (
     refine,
 )
 from receptance.errors import warn_user
-from receptance.fit.observation import Observation
+from receptance.fit.observation import Observation, altered
+from receptance.fit.parameters import Parameters
+from receptance.fit.unknowns import Tolerance
 from receptance.frf import FRF
 from receptance.model.terminals import ENTRIES, MeasuredPart
 from receptance.report import Column, Provenance, Result, Table
+from receptance.report.table import percent
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -38,7 +41,7 @@ class SpindleReceptance(Result):
     """`(n, 2, 2)` receptance over (y, theta): y/F, y/M, theta/F and theta/M, SI units."""
     covariance: NDArray[np.complex128]
     """`(n, 3, 3)` Hermitian covariance of the errors of y/F, theta/M and y/M, for the real and for the imaginary parts;
-    first order in the noise of the responses."""
+    first order in the noise of the responses and in the tolerances of the blanks."""
     condition: NDArray[np.float64]
     """`(n,)` condition number: largest amplification of a relative error of the responses."""
     usable: NDArray[np.bool_]
@@ -49,9 +52,12 @@ class SpindleReceptance(Result):
     ambiguous: NDArray[np.bool_]
     """`(n,)` lines on which two spindles explain the responses and the other lines do not decide between them."""
     rms: float
-    """Root mean square of the residuals of several blanks, in standard deviations; NaN for three responses."""
+    """Root mean square of the residuals of more than three responses, in standard deviations of noise and tolerances;
+    NaN for three responses."""
     labels: tuple[str, ...]
     """Labels of the measurements."""
+    mismatch: str = ""
+    """Why the blanks contradict their responses; empty if they do not."""
     notes: tuple[str, ...] = field(default=())
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
@@ -128,7 +134,7 @@ class SpindleReceptance(Result):
         if not lines.size:
             return []
         rows = []
-        for name, (i, j) in zip(("y/F", "theta/M", "y/M"), ENTRIES, strict=True):
+        for name, (i, j) in zip(_NAMES, ENTRIES, strict=True):
             size = np.abs(self.matrix[self.usable, i, j])
             share = 100.0 * float(np.median(self.standard_deviation[self.usable, i, j] / size))
             ends = (float(lines[0]), float(lines[-1]))
@@ -170,6 +176,7 @@ def identify_spindle(
     observations: Observation | Sequence[Observation],
     *,
     limit: float = 0.2,
+    tolerances: Tolerance | Sequence[Tolerance] = (),
     allow_mismatch: bool = False,
     threads: int | None = None,
 ) -> SpindleReceptance:
@@ -194,6 +201,9 @@ def identify_spindle(
     limit : float, optional
         Largest relative standard deviation of each term on usable lines; that of the coupling is relative to
         sqrt(|G_yy G_tt|).
+    tolerances : Tolerance or sequence of Tolerance, optional
+        Errors of the blanks. They enter the covariance of each line; that they are the same on all lines only the
+        covariance of `fit_spindle` contains.
     allow_mismatch : bool, optional
         Warn instead of raising an error if the blanks contradict their responses.
     threads : int, optional
@@ -246,17 +256,49 @@ def identify_spindle(
             "responses to one load are not sufficient; hit at a second point, or use another blank"
         )
     good = rank == len(TERMS)
-    spindle = _result(equations, observed, lines, x, good, ambiguous & good, imprecise, share)
+    errors = _checks.items("tolerances", tolerances, Tolerance, least=0)
+    moved = _moved_by_errors(observed, lines, rows, x, equations, errors, threads)
+    spindle = _result(equations, observed, lines, x, good, ambiguous & good, imprecise, share, moved)
     notes = [note for observation in observed for note in observation.notes]
     if dropped:
         notes.append(f"{dropped} lines are omitted because not all measurements have them")
     notes += spindle.notes
-    if reason := _mismatch(spindle, equations):
+    reason = _mismatch(spindle, equations)
+    if reason:
         if not allow_mismatch:
             raise ValueError(f"{reason}; allow_mismatch=True turns this error into a warning")
         warn_user(reason)
         notes.append(reason)
-    return replace(spindle, notes=tuple(dict.fromkeys(notes)))
+    return replace(spindle, mismatch=reason, notes=tuple(dict.fromkeys(notes)))
+
+
+def _moved_by_errors(
+    observed: tuple[Observation, ...],
+    lines: NDArray[np.inexact],
+    rows: list[NDArray[np.intp]],
+    x: NDArray[np.complex128],
+    equations: Equations,
+    errors: tuple[Tolerance, ...],
+    threads: int | None,
+) -> NDArray[np.complex128]:
+    """Return the change of the logarithms of the modelled responses by one deviation of each error, `(n, p, t)`.
+
+    The spindle is the same; half the difference of both signs of the error.
+    """
+    sites = [observation.site(index) for index, observation in enumerate(observed)]
+    parameters = Parameters((), errors, sites)
+    # Tolerances of one name are one error.
+    count, maps = len(parameters.errors), parameters.of(sites)
+    result = np.zeros((*equations.measured.shape, count), dtype=np.complex128)
+    with np.errstate(all="ignore"):
+        for column, unit in enumerate(np.eye(count)):
+            sides = []
+            for sign in (1.0, -1.0):
+                pairs = zip(observed, maps, strict=True)
+                moved = tuple(altered(one, assembly=one_map.apply(one.assembly, sign * unit)) for one, one_map in pairs)
+                sides.append(blank_equations(moved, lines, rows, threads).evaluate(x)[0])
+            result[..., column] = 0.5 * np.log(sides[0] / sides[1])
+    return np.where(np.isfinite(result), result, 0.0)
 
 
 def _result(
@@ -268,18 +310,37 @@ def _result(
     ambiguous: NDArray[np.bool_],
     imprecise: NDArray[np.bool_],
     share: float,
+    by_errors: NDArray[np.complex128],
 ) -> SpindleReceptance:
-    """Return the spindle with its covariance, usable lines and notes on the lines that are not usable."""
+    """Return the spindle with its covariance, usable lines and notes on the lines that are not usable.
+
+    `by_errors` is the change of the modelled responses by the errors of the blanks, `(n, p, t)`.
+    """
     with np.errstate(all="ignore"):
         good, relative, condition = equations.conditions(x, good)
         scale = equations.scale(x)
         moved = np.where(good[:, None, None], relative * scale[..., None] * equations.deviation[:, None, :], np.nan)
         covariance = moved @ np.conj(moved).transpose(0, 2, 1)
+        change = -np.einsum("nmp,npt->nmt", relative * scale[..., None], by_errors)
+        of_blanks = change @ np.conj(change).transpose(0, 2, 1)
+        covariance = covariance + of_blanks
         deviation = np.sqrt(np.einsum("nii->ni", covariance).real)
         usable = good & (deviation <= share * scale).all(axis=1) & ~ambiguous & ~imprecise
         redundant = equations.rigid.shape[1] - len(TERMS)
         cost = float(np.sum(equations.cost(x)[good]))
+        # The part of the change by an error that no spindle follows is in the residuals as well.
+        value, slope = equations.evaluate(x)
+        rest = by_errors + np.einsum("npm,nmt->npt", slope / value[..., None], change)
+        expected = float(np.sum(np.abs(rest / equations.deviation[..., None])[good] ** 2))
     notes = []
+    if by_errors.any() and usable.any():
+        parts = np.einsum("nii->ni", of_blanks).real[usable] / np.einsum("nii->ni", covariance).real[usable]
+        shares = ", ".join(f"{percent(part)} of {name}" for name, part in zip(_NAMES, np.median(parts, 0), strict=True))
+        notes.append(
+            f"share of the tolerances of the blanks in the variance, median over the usable lines: {shares}. The table "
+            "takes them as independent between lines; where they are large, identify modes, whose covariance has them "
+            "as they are"
+        )
     if not good.all():
         notes.append(masked_lines(lines[~good], good.size))
     if not usable.all():
@@ -300,12 +361,16 @@ def _result(
         usable=usable,
         limit=share,
         ambiguous=ambiguous,
-        rms=float(np.sqrt(cost / (2.0 * redundant * max(int(good.sum()), 1)))) if redundant else float("nan"),
+        rms=float(np.sqrt(cost / (2.0 * redundant * max(int(good.sum()), 1) + expected)))
+        if redundant
+        else float("nan"),
         labels=tuple(observation.title(i) for i, observation in enumerate(observed)),
         notes=tuple(notes),
     )
 
 
+_NAMES = ("y/F", "theta/M", "y/M")
+"""Names of the terms in the order of the covariance."""
 _EQUAL = 1e-6
 """Relative distance below which two solutions are equal."""
 _WIDTH = 0.03
@@ -494,4 +559,41 @@ def _mismatch(spindle: SpindleReceptance, equations: Equations) -> str:
             f"{lines[0]:g} Hz: the blank contradicts its responses; check its length, diameter and material, and the "
             "position, sign and quantity of each channel"
         )
-    return ""
+    return _negative_stiffness(spindle)
+
+
+_LOWEST = 2.0
+"""The lowest lines are those up to this multiple of the first."""
+_FEWEST_LOWEST = 8
+_MASS_LIKE = 0.8
+"""A negative receptance that shrinks below this share over the lowest lines is that of a mass, which falls as 1/f^2."""
+
+
+def _negative_stiffness(spindle: SpindleReceptance) -> str:
+    """Return the reason why a spindle would have a negative static stiffness; empty if it does not.
+
+    Below its modes a structure is a spring, above some of them also a mass, whose negative receptance falls as 1/f^2.
+    """
+    lines, rows = np.asarray(spindle.frequency_hz).real, np.flatnonzero(spindle.usable)
+    lowest = rows[lines[rows] <= _LOWEST * lines[rows[0]]]
+    rows = lowest if lowest.size >= _FEWEST_LOWEST else rows[:_FEWEST_LOWEST]
+    if rows.size < _FEWEST_LOWEST or lines[rows[-1]] > 2.0 * _LOWEST * lines[rows[0]]:
+        return ""
+    real, covariance = spindle.matrix[rows].real, spindle.covariance[rows]
+    middle = np.median(real, axis=0)
+    root = np.sqrt(np.abs(np.diag(middle)))
+    _, shapes = np.linalg.eigh(middle / np.outer(root, root))
+    shape = shapes[:, 0] / root
+    flexibility = np.einsum("i,nij,j->n", shape, real, shape)
+    weights = np.array([shape[0] ** 2, shape[1] ** 2, 2.0 * shape[0] * shape[1]])
+    deviation = np.sqrt(np.einsum("i,nij,j->n", weights, covariance, weights).real)
+    mean, scatter = float(np.mean(flexibility)), float(np.sqrt(np.mean(deviation**2) / rows.size))
+    quarters = [float(np.median(quarter)) for quarter in np.array_split(flexibility, 4)]
+    mass_like = max(quarters) > 0.0 or quarters[-1] > _MASS_LIKE * quarters[0]
+    if mean > -_SIGNIFICANT * scatter or mass_like:
+        return ""
+    return (
+        f"the spindle would have a negative static stiffness: at {lines[rows[0]]:g} to {lines[rows[-1]]:g} Hz y/F is "
+        f"{middle[0, 0]:.2g} m/N and theta/M {middle[1, 1]:.2g} rad/(N m). The blank is described as more flexible "
+        "than it is: check its diameters, modulus and length, and the position and quantity of each channel"
+    )

@@ -309,7 +309,7 @@ def _measure(
         end = data.fit(EVALUATIONS_OF_PREDICTION, CONVERGED)
         if not np.isfinite(end.cost):
             return {}, ()
-        residuals, assemblies, score = data.residuals(end), data.assemblies(end), math.nan
+        residuals, assemblies, score = data.residuals(end), data.assemblies(end.x), math.nan
         if scored and all(one.weighted for one in model.observations):
             score = data.log_score(data.fit(EVALUATIONS_OF_PREDICTION, CONVERGED, all_variables=True))
     except InfeasibleError:

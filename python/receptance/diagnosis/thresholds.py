@@ -10,8 +10,6 @@ import math
 
 # Lines of measured receptances.
 
-LARGEST_SENSITIVITY = 30.0
-"""Largest factor between the force at the plane of a table that the data imply and that of the base model."""
 EXPLORING_LINES = 120
 """Lines of each receptance while starts of fits are compared."""
 

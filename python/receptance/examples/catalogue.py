@@ -13,7 +13,7 @@ from pathlib import Path
 
 from receptance._files import created_folder, write_whole
 from receptance._text import instead_of, shown
-from receptance.examples.simulated import free_free, taper, time_records
+from receptance.examples.simulated import free_free, machine_records, taper, time_records
 
 Say = Callable[[str], None]
 
@@ -30,6 +30,8 @@ class Example:
     """Folder of its files in the package."""
     data: Callable[..., Mapping[str, bytes]] | None = None
     """Function that computes the data files; None without data files."""
+    first_command: str = "identify"
+    """The command to begin with."""
 
     @property
     def campaign(self) -> str:
@@ -71,6 +73,13 @@ EXAMPLES = {
             "a free-free hammer test at three overhangs, SIMULATED; the longest held out, a fourth not measured",
             "free_free",
             free_free,
+        ),
+        Example(
+            "gauge",
+            "hits on a gauge blank and on a tool in one machine, SIMULATED: spindle, joint and lobes",
+            "gauge",
+            machine_records,
+            first_command="spindle",
         ),
         Example(
             "hammer",

@@ -11,9 +11,10 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
+import tomli_w
 from numpy.typing import NDArray
 
-from receptance import hammer, io
+from receptance import hammer, io, units
 from receptance.campaign.read import measured_structures
 from receptance.examples.virtual_rig import VirtualRig, load_rig
 from receptance.frf import FRF
@@ -34,6 +35,46 @@ _FLOOR = 0.02
 """Noise of the accelerometer in m/s^2/N for the weakest hit, for real and imaginary part."""
 _DIGITS = 7
 
+MACHINE_SEED = 20261127
+_MACHINE_HIGHEST_HZ = 4000.0
+_MACHINE = """
+[joints.joint]
+k_y = "1.5e8 N/m"
+k_theta = "4e4 N m/rad"
+c_y = "200 N s/m"
+c_theta = "0.3 N m s/rad"
+[joints.taper]
+k_y = "1.5e9 N/m"
+k_theta = "2e6 N m/rad"
+loss_factor = 0.02
+[[parts.shaft.segments]]
+length = "60 mm"
+outer_diameter = "85 mm"
+inner_diameter = "30 mm"
+material = "steel"
+[[parts.shaft.segments]]
+length = "300 mm"
+outer_diameter = "70 mm"
+inner_diameter = "30 mm"
+material = "steel"
+[attachments.front]
+kind = "ground"
+part = "shaft"
+position = "60 mm"
+k_y = "3e8 N/m"
+k_theta = "5e4 N m/rad"
+c_y = "3000 N s/m"
+[attachments.rear]
+kind = "ground"
+part = "shaft"
+position = "320 mm"
+k_y = "2e8 N/m"
+c_y = "4000 N s/m"
+[unknowns]
+"joint.k_y" = { lower = "1e7 N/m", upper = "1e10 N/m" }
+"""
+"""What is behind blank and holder in the example gauge, and its joint."""
+
 HAMMER_SEED = 20241017
 HAMMER_JOINT = {"collet.k_y": 2.8e8, "collet.k_theta": 5.0e4, "collet.c_y": 400.0, "collet.c_theta": 0.06}
 """True joint parameters of the example hammer, in SI units."""
@@ -53,8 +94,29 @@ def free_free(campaign: str, say: Say) -> Mapping[str, bytes]:
     files = {}
     for name, (assembly, tip) in measured_structures(campaign).items():
         say(f"simulating {name}")
-        frf = _averaged(assembly.replace(FREE_FREE_JOINT), tip, random, name)
+        frf = _averaged(assembly.replace(FREE_FREE_JOINT), tip, tip, random, name, FREE_FREE_SEED)
         files[f"{name}.csv"] = _content(frf, ".csv")
+    return files
+
+
+def machine_records(campaign: str, say: Say) -> Mapping[str, bytes]:
+    """Return the FRFs of the example gauge by file name: blank and tool in a machine that the campaign lacks."""
+    random = np.random.default_rng(MACHINE_SEED)
+    data, machine = tomllib.loads(campaign), tomllib.loads(_MACHINE)
+    del data["spindles"], data["cuts"]
+    for section, tables in machine.items():
+        data[section] = {**data.get(section, {}), **tables}
+    for assembly in data["assemblies"].values():
+        assembly["chain"][-1:] = ["taper", "shaft"]
+        assembly["attachments"] = ["front", "rear"]
+    files = {}
+    for name, (assembly, response) in measured_structures(tomli_w.dumps(data)).items():
+        say(f"simulating {name}")
+        table = data["measurements"][name].get("excitation", {})
+        part = table.get("part", next(iter(assembly.elements)))
+        excitation = Coordinate(part, units.parse(table.get("position", "0 mm"), units.LENGTH_OR_ZERO))
+        frf = _averaged(assembly, response, excitation, random, name, MACHINE_SEED)
+        files[f"{name}.csv"] = _content(frf.select(high_hz=_MACHINE_HIGHEST_HZ), ".csv")
     return files
 
 
@@ -116,10 +178,12 @@ def _content(thing: FRF | TimeSeries, ending: str) -> bytes:
         return file.read_bytes()
 
 
-def _averaged(assembly: Assembly, tip: Coordinate, random: np.random.Generator, name: str) -> FRF:
+def _averaged(
+    assembly: Assembly, response: Coordinate, excitation: Coordinate, random: np.random.Generator, name: str, seed: int
+) -> FRF:
     """Return the H1 estimate of several hits with its coherence, as an analyser computes them."""
     lines = _LINES_HZ
-    true = assembly.receptance(lines, response=tip, excitation=tip) * (2j * np.pi * lines) ** 2
+    true = assembly.receptance(lines, response=response, excitation=excitation) * (2j * np.pi * lines) ** 2
     force = random.uniform(0.85, 1.15, (_HITS, 1)) * np.exp(-((lines / 9e3) ** 2))
     scatter = 1.0 + _SCATTER * _noise(random, (_HITS, lines.size))
     motion = true * force * scatter + 0.85 * _FLOOR * _noise(random, (_HITS, lines.size))
@@ -133,7 +197,7 @@ def _averaged(assembly: Assembly, tip: Coordinate, random: np.random.Generator, 
         form="accelerance",
         coherence=_rounded(coherence),
         label=f"{name} (simulated)",
-        source=f"simulated by receptance, seed {FREE_FREE_SEED}",
+        source=f"simulated by receptance, seed {seed}",
         notes=("simulated",),
     )
 

@@ -151,7 +151,7 @@ def draw_ratio(
         # The band is infinite if a relevant parameter is not determined.
         band = np.minimum(band, _MAX_BAND)
         axes.fill_between(lines, -DECIBEL * band, DECIBEL * band, color=BAND, linewidth=0)
-        most = max(most, 1.5 * DECIBEL * float(np.percentile(band, 98)))
+        most = max(most, 1.5 * DECIBEL * float(np.nanpercentile(band, 98)))
     if log_ratio is not None:
         axes.plot(lines, DECIBEL * log_ratio, ".", color=INK, markersize=1.8)
         most = max(most, 1.3 * DECIBEL * float(np.percentile(np.abs(log_ratio), 99)))

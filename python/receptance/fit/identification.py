@@ -24,6 +24,7 @@ from receptance.fit.peaks import check_bands
 from receptance.fit.problem import End, Problem, Task
 from receptance.fit.result import Identification
 from receptance.fit.search import Start, fit_direct, fit_staged
+from receptance.fit.spindle_errors import has_spindle_errors, with_spindle_errors
 from receptance.fit.unknowns import Tolerance, Unknowns, Variables, as_unknowns
 from receptance.report import Provenance, Rejection
 
@@ -212,6 +213,12 @@ def identify(
         return conclude(task, problem, runs, loss=smoothing, seed=seed, notes=list(notes))
 
     result = fit(task, problem)
+    if objective == "log" and all(unit == "standard deviations" for unit in units) and has_spindle_errors(observed):
+        # The errors of a measured spindle act through the joint, which the first fit knows.
+        observed, more = with_spindle_errors(observed, result.assemblies)
+        notes += more
+        task = replace(task, observed=observed)
+        result = fit(task, task.problem())
     return result if noise == "stated" else _judged(result, max_evaluations, tolerance)
 
 
@@ -320,7 +327,7 @@ def conclude(
     `searched` are the starts of that fit.
     """
     variables, observed = problem.variables, task.observed
-    weighted = "standard deviations" in task.units
+    weighted, bounded = "standard deviations" in task.units, has_spindle_errors(observed)
     count = len(variables.unknowns)
     best = min(runs, key=lambda run: run.cost)
     root = problem.curvature_root(best.variables)
@@ -367,7 +374,12 @@ def conclude(
         rejection=rejection,
         advice=[
             *rejection,
-            *(_overfit_advice(parts, task.independent_values, count) if weighted and not rejection else ()),
+            # Beside the errors of a spindle, which are an upper bound, residuals are smaller than expected.
+            *(
+                _overfit_advice(parts, task.independent_values, count)
+                if weighted and not (rejection or bounded)
+                else ()
+            ),
             *_start_advice(tried, same, elsewhere),
             *bounds,
             *_covariance_advice(inverse, correlation, variables.names),

@@ -49,12 +49,18 @@ class LineModes:
         slopes = [(w @ derivative[lines]).real for w, lines in zip(self.weights, self.lines, strict=True)]
         return np.array(slopes).reshape(len(self), 3, derivative.shape[1])
 
-    def log_variances(self, variance: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return variances of the logarithms `(k, 3)` for independent errors of the lines.
+    def log_variances(self, errors: NDArray[np.complex128], *, independent: bool) -> NDArray[np.float64]:
+        """Return variances of the logarithms `(k, 3)` by errors of the lines.
 
-        `variance` is that of the real and of the imaginary part, each, of each line `(n,)`.
+        `errors` are the changes of the lines `(n, q)` by complex errors of unit variance of real and imaginary part,
+        which are `independent` between lines, or shared by all.
         """
-        variances = [np.abs(w) ** 2 @ variance[lines] for w, lines in zip(self.weights, self.lines, strict=True)]
+        if independent:
+            variance = np.sum(np.abs(errors) ** 2, axis=1)
+            variances = [np.abs(w) ** 2 @ variance[lines] for w, lines in zip(self.weights, self.lines, strict=True)]
+        else:
+            moved = [w @ errors[lines] for w, lines in zip(self.weights, self.lines, strict=True)]
+            variances = [np.sum(np.abs(change) ** 2, axis=1) for change in moved]
         return np.array(variances).reshape(len(self), 3)
 
 

@@ -37,7 +37,7 @@ from receptance.fit.unknowns import Tolerance, Variables, error_of
 from receptance.model.addresses import moved_coordinate
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
-from receptance.model.terminals import RESIDUALS, MeasuredPart, nearest_lines
+from receptance.model.terminals import RESIDUALS, Terminal
 
 _Value = TypeVar("_Value")
 _SAME_PEAK = 0.02
@@ -169,8 +169,27 @@ class LinearFRF(NamedTuple):
     """`(n,)` with the identified values."""
     slope: NDArray[np.complex128]
     """`(n, m)` its derivatives by the uncertain parameters."""
-    variance: NDArray[np.float64]
-    """`(n,)` variance of real and imaginary part, each, by the errors of a measured part, independent between lines."""
+    spindle_errors: NDArray[np.complex128]
+    """`(n, 3)` its changes by the errors of the spindle that no parameter describes, complex ones of unit variance of
+    real and imaginary part; zero without them."""
+    independent: bool
+    """Whether these errors are independent between lines, else all lines share them."""
+    frequency_hz: NDArray[np.inexact]
+    """`(n,)` its lines."""
+
+    @property
+    def variance(self) -> NDArray[np.float64]:
+        """Variance `(n,)` of real and imaginary part, each, by the errors of the spindle."""
+        return np.asarray(np.sum(np.abs(self.spindle_errors) ** 2, axis=1))
+
+    def drawn_errors(self, count: int, seed: int) -> NDArray[np.complex128]:
+        """Return draws of the change of the receptance by the errors of the spindle, `(count, n)`."""
+        random = np.random.default_rng([seed, 1])
+        if self.independent:
+            real, imaginary = random.standard_normal((2, count, self.receptance.size))
+            return np.asarray(np.sqrt(self.variance) * (real + 1j * imaginary))
+        real, imaginary = random.standard_normal((2, count, 3))
+        return np.asarray((real + 1j * imaginary) @ self.spindle_errors.T)
 
 
 class PredictedAssembly:
@@ -198,8 +217,10 @@ class PredictedAssembly:
 
     @property
     def uncertain(self) -> bool:
-        """Whether any parameter of the assembly is uncertain."""
-        return bool(self.addresses)
+        """Whether any parameter of the assembly is uncertain, or the spindle at its end."""
+        end = next(reversed(self.assembly.elements.values()))
+        known = not isinstance(end, Terminal) or end.error_root(np.ones(1)) is None
+        return bool(self.addresses) or not known
 
     def scatter(self, slope: NDArray[np.float64]) -> Scatter:
         """Return the scatter of results with derivatives `(n, m)` per SI unit of the addresses."""
@@ -260,26 +281,29 @@ class PredictedAssembly:
     ) -> LinearFRF:
         """Return a receptance with its first-order errors."""
         name, spindle = next(reversed(self.assembly.elements.items()))
-        covariance = spindle.covariance if isinstance(spindle, MeasuredPart) else None
-        residuals = [] if covariance is None else [f"{name}.{quantity}" for quantity in RESIDUALS]
+        root, independent = None, True
+        if isinstance(spindle, Terminal):
+            root, independent = spindle.error_root(np.asarray(frequency_hz)), spindle.independent_lines
+        residuals = [] if root is None else [f"{name}.{quantity}" for quantity in RESIDUALS]
         receptance, slopes = self.assembly.derivatives(
             frequency_hz, [*self.addresses, *residuals], **self._options(response, excitation, force)
         )
         slope, residual_slope = np.split(slopes, [len(self.addresses)], axis=1)
-        variance = np.zeros(receptance.size)
-        if isinstance(spindle, MeasuredPart) and covariance is not None:
-            errors = covariance[nearest_lines(spindle.frequency_hz, np.asarray(frequency_hz).real)[0]]
-            variance = np.einsum("ni,nij,nj->n", residual_slope, errors, residual_slope.conj()).real
-        return LinearFRF(receptance, slope, variance)
+        errors = np.zeros((receptance.size, 3), dtype=np.complex128)
+        if root is not None:
+            errors = np.einsum("ni,nij->nj", residual_slope, root)
+        return LinearFRF(receptance, slope, errors, independent, np.asarray(frequency_hz))
 
     def line_modes(self, frequency_hz: NDArray[np.float64], linear: LinearFRF) -> tuple[LineModes, Scatter]:
         """Return the modes that are peaks of a receptance on `(n,)` lines, and the scatter of the logarithms.
 
         The scatter is that of frequency, damping ratio and dynamic stiffness of each mode in turn, `(3 k,)`.
         """
-        modes = line_modes(frequency_hz, linear.receptance, linear.variance)
+        # Errors that all lines share make no peaks.
+        modes = line_modes(frequency_hz, linear.receptance, linear.variance if linear.independent else None)
         slopes = modes.log_slopes(linear.slope).reshape(3 * len(modes), len(self.addresses))
-        variances, discrepancy = modes.log_variances(linear.variance), self.predictor.discrepancy
+        variances = modes.log_variances(linear.spindle_errors, independent=linear.independent)
+        discrepancy = self.predictor.discrepancy
         if discrepancy is not None:
             # The height of a peak is that of its damping ratio as well.
             level = discrepancy.relative or 0.0
@@ -326,17 +350,14 @@ class PredictedAssembly:
         """
         linear = linear or self.linear(frequency_hz, response, excitation, force)
         options = self._options(response, excitation, force)
-        vectors = self.assemblies(draws, seed) if draws else []
-        assemblies = [assembly for assembly in vectors if assembly is not None]
-        if 2 * len(assemblies) < draws:
-            raise ReceptanceError(f"only {len(assemblies)} of {draws} vectors drawn from the posterior have a model")
-        drawn = np.array([assembly.receptance(frequency_hz, **options) for assembly in assemblies], np.complex128)
-        numbers = [number for number, assembly in enumerate(vectors) if assembly is not None]
-        drawn = drawn.reshape(-1, linear.receptance.size)
-        drawn = self.with_model_errors(np.asarray(frequency_hz), drawn, numbers, seed)
-        if linear.variance.any():
-            real, imaginary = np.random.default_rng([seed, 1]).standard_normal((2, *drawn.shape))
-            drawn = drawn + np.sqrt(linear.variance) * (real + 1j * imaginary)
+
+        def receptance(assembly: Assembly) -> NDArray[np.complex128]:
+            return assembly.receptance(frequency_hz, **options)
+
+        several = [one for one in self.drawn_receptances(receptance, linear, draws, seed) if one is not None]
+        if 2 * len(several) < draws:
+            raise ReceptanceError(f"only {len(several)} of {draws} vectors drawn from the posterior have a model")
+        drawn = np.array(several, np.complex128).reshape(-1, linear.receptance.size)
         log_slope = linear.slope / linear.receptance[:, None]
         log_deviation = np.sqrt(linear.variance) / np.abs(linear.receptance)
         if self.predictor.discrepancy is not None:
@@ -447,17 +468,12 @@ class PredictedAssembly:
                 drawn.append(None)  # a joint that is not passive, say
         return drawn
 
-    def with_model_errors(
-        self, frequency_hz: NDArray[np.inexact], drawn: NDArray[np.complex128], numbers: Sequence[int], seed: int
+    def _with_model_error(
+        self, lines_hz: NDArray[np.float64], receptance: NDArray[np.complex128], number: int, seed: int
     ) -> NDArray[np.complex128]:
-        """Return receptances of draws with these numbers, `(draws, n)`, with an error of the model where it has one."""
-        if self.predictor.discrepancy is None:
-            return drawn
-        moved = []
-        for values, number in zip(drawn, numbers, strict=True):
-            curve = Curve.of(frequency_hz.real, values)
-            moved.append(curve.moved_by(*self.model_errors(curve.modes, number, seed)))
-        return np.array(moved, np.complex128).reshape(drawn.shape)
+        """Return the receptance of the draw of a number with the error of the model in it."""
+        curve = Curve.of(lines_hz, receptance)
+        return curve.moved_by(*self.model_errors(curve.modes, number, seed))
 
     def model_errors(self, modes: int, number: int, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the error of the model in a draw: logarithms of frequency and level of each mode, `(modes,)` each."""
@@ -477,6 +493,19 @@ class PredictedAssembly:
             except (ValueError, ReceptanceError):  # waves too short for an absurd length, say
                 drawn.append(None)
         return drawn
+
+    def drawn_receptances(
+        self, receptance: Callable[[Assembly], NDArray[np.complex128]], linear: LinearFRF, count: int, seed: int
+    ) -> list[NDArray[np.complex128] | None]:
+        """Return a receptance of each drawn assembly with drawn errors of model and spindle; None without a model."""
+        drawn = self.draw(receptance, count, seed) if count else []
+        if self.predictor.discrepancy is not None:
+            lines = np.asarray(linear.frequency_hz).real
+            drawn = [None if h is None else self._with_model_error(lines, h, i, seed) for i, h in enumerate(drawn)]
+        if not linear.spindle_errors.any():
+            return drawn
+        errors = linear.drawn_errors(count, seed)
+        return [None if h is None else h + error for h, error in zip(drawn, errors, strict=True)]
 
 
 class PredictedData:
@@ -536,9 +565,9 @@ class PredictedData:
         """Return the residuals of each observation in standard deviations at the end of a fit."""
         return [part.copy() for part in self._problem.parts(self._problem.residual(end.x))]
 
-    def assemblies(self, end: End) -> list[Assembly]:
-        """Return the assembly of each observation at the end of a fit."""
-        values = self.variables.to_values(end.x)
+    def assemblies(self, x: NDArray[np.float64]) -> list[Assembly]:
+        """Return the assembly of each observation at values of the variables."""
+        values = self.variables.to_values(x)
         pairs = zip(self._observations, self._mappings, strict=True)
         return [mapping.apply(observation.assembly, values) for observation, mapping in pairs]
 

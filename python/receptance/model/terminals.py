@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import tau
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 import scipy
@@ -36,6 +36,8 @@ _NEIGHBOURS = 4
 """Lines or intervals to each side from which the usual value and spacing are taken."""
 _MIN_LINES = 8
 """Least lines of a table that is interpolated."""
+DISCREPANCY_WIDTH = 0.25
+"""Width in the logarithm of frequency over which the discrepancy of modes is one error."""
 _FEW, _IN_GAP, _INEXACT = 1, 2, 3
 """Why a table has no value between its lines."""
 
@@ -69,6 +71,33 @@ class Terminal(Element, ABC):
     @abstractmethod
     def entries(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128]:
         """Return y/F, theta/M and y/M on checked lines in Hz, `(n, 3)`."""
+
+    @property
+    @abstractmethod
+    def edges_hz(self) -> tuple[float, float]:
+        """Lowest and highest frequency at which the part is known; infinite for modes without a band."""
+
+    independent_lines: ClassVar[bool]
+    """Whether the errors of `error_root` are independent between lines; if not, all lines share them."""
+
+    @abstractmethod
+    def error_root(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128] | None:
+        """Return the errors of y/F, theta/M and y/M that no parameter describes; None if there are none.
+
+        R of shape `(n, 3, 3)`: the errors are R z with independent complex z of unit variance of real and imaginary
+        part, so that R R^H is their covariance on each line.
+        """
+
+    @abstractmethod
+    def error_groups(self, lines_hz: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Return a number for each line `(n,)`; lines of one number share one draw of the errors of `error_root`.
+
+        Errors of modes are smooth: they are one draw over a quarter in the logarithm of frequency.
+        """
+
+    @abstractmethod
+    def covers(self, frequency_hz: ArrayLike) -> NDArray[np.bool_]:
+        """Return on which real lines in Hz the part has a value, `(n,)`."""
 
     def _residual(self) -> NDArray[np.complex128]:
         return np.array([getattr(self, quantity) for quantity in RESIDUALS], dtype=np.complex128)
@@ -121,6 +150,7 @@ class MeasuredPart(Terminal):
     ] = 0.0
     covariance: NDArray[np.complex128] | None = None
     source: Annotated[str, Field("file that it was read from, for messages")] = field(default="", compare=False)
+    independent_lines: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         owner = self.owner
@@ -186,6 +216,44 @@ class MeasuredPart(Terminal):
             result[~same] = _spline(self.frequency_hz, self._table, real[~same])
         return result
 
+    @property
+    def edges_hz(self) -> tuple[float, float]:
+        """First and last line of the table."""
+        return float(self.frequency_hz[0]), float(self.frequency_hz[-1])
+
+    @cached_property
+    def gaps_hz(self) -> tuple[tuple[float, float], ...]:
+        """Intervals between lines that are much wider than those around, without a value inside."""
+        lines = self.frequency_hz
+        wide = np.flatnonzero(np.diff(lines) > _GAP * self._usual_spacing)
+        return tuple((float(lines[i]), float(lines[i + 1])) for i in wide)
+
+    @cached_property
+    def _usual_spacing(self) -> NDArray[np.float64]:
+        """Median spacing around each interval of the table."""
+        spacing, n = np.diff(self.frequency_hz), _NEIGHBOURS
+        return np.array([np.median(spacing[max(i - n, 0) : i + n + 1]) for i in range(spacing.size)])
+
+    @cached_property
+    def _root(self) -> NDArray[np.complex128] | None:
+        """The root of the covariance on the lines of the table, `(n, 3, 3)`."""
+        if self.covariance is None:
+            return None
+        # Terms in units of their deviation: those of y/F and theta/M differ by many orders.
+        deviation = np.sqrt(np.einsum("nii->ni", self.covariance).real.clip(0.0))
+        scale = np.where(deviation > 0.0, deviation, 1.0)
+        values, vectors = np.linalg.eigh(self.covariance / (scale[:, :, None] * scale[:, None, :]))
+        return np.asarray(scale[:, :, None] * vectors * np.sqrt(values.clip(0.0))[:, None, :])
+
+    def error_root(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128] | None:
+        """Return the root of the covariance of the nearest line of the table, `(n, 3, 3)`; None without covariance."""
+        return None if self._root is None else self._root[nearest_lines(self.frequency_hz, lines.real)[0]]
+
+    def error_groups(self, lines_hz: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Return the number of the nearest line of the table, `(n,)`."""
+        middles = 0.5 * (self.frequency_hz[1:] + self.frequency_hz[:-1])
+        return np.asarray(np.searchsorted(middles, lines_hz))
+
     def covers(self, frequency_hz: ArrayLike) -> NDArray[np.bool_]:
         """Return on which real lines in Hz the part has a value, `(n,)`: within its band, and not in a gap.
 
@@ -208,11 +276,9 @@ class MeasuredPart(Terminal):
         if lines.size < _MIN_LINES:
             return np.full(lines_hz.size, _FEW), np.zeros(lines_hz.size)
         after = _after(lines, lines_hz)
-        spacing, n = np.diff(lines), _NEIGHBOURS
-        usual = np.array([np.median(spacing[max(i - n, 0) : i + n + 1]) for i in range(spacing.size)])
         error = self._error
         worst = np.max(np.maximum(error[after - 1], error[after]), axis=1)
-        gap = (spacing > _GAP * usual)[after - 1]
+        gap = (np.diff(lines) > _GAP * self._usual_spacing)[after - 1]
         return np.where(gap, _IN_GAP, np.where(worst > _MAX_ERROR, _INEXACT, 0)), worst
 
     def _check_between(self, owner: str, lines_hz: NDArray[np.float64]) -> None:
@@ -404,6 +470,16 @@ class ModalPart(Terminal):
 
     modes: tuple[Mode, ...]
     band_hz: tuple[float, float] | None = None
+    discrepancy: Annotated[
+        float,
+        Number(
+            units.SHARE,
+            "relative standard deviation of what the modes cannot represent, of y over force, theta over moment and "
+            "y over moment",
+            parameter=False,
+        ),
+    ] = 0.0
+    independent_lines: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         _checks.set_fields(self, {"modes": _checks.items(f"{self.owner}: modes", self.modes, Mode)})
@@ -425,12 +501,44 @@ class ModalPart(Terminal):
         self.check_band(lines)
         return modal_entries(self.modes, lines) + self._residual()
 
+    @property
+    def edges_hz(self) -> tuple[float, float]:
+        """The band."""
+        return self.band_hz or (0.0, np.inf)
+
+    def error_root(self, lines: NDArray[np.inexact]) -> NDArray[np.complex128] | None:
+        """Return the discrepancy times the magnitudes of the entries, `(n, 3, 3)` diagonal; None without one.
+
+        A magnitude is the root sum of squares of the contributions of modes and residual, because at an antiresonance
+        the contributions cancel and their errors do not.
+        """
+        if not self.discrepancy:
+            return None
+        terms = [np.abs(mode.entries(lines)[:, :2]) for mode in self.modes]
+        terms.append(np.tile(np.abs([self.residual_y, self.residual_theta]), (lines.size, 1)))
+        sizes = np.sqrt(np.sum(np.square(terms), axis=0))
+        coupling = np.sqrt(np.sum([np.prod(term, axis=1) for term in terms], axis=0))
+        size = np.concatenate([sizes, coupling[:, None]], axis=1)
+        return np.asarray(self.discrepancy * size[:, :, None] * np.eye(3), dtype=np.complex128)
+
+    def error_groups(self, lines_hz: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Return the number of the quarter in the logarithm of frequency, `(n,)`."""
+        return np.floor(np.log1p(lines_hz) / DISCREPANCY_WIDTH).astype(np.intp)
+
+    def covers(self, frequency_hz: ArrayLike) -> NDArray[np.bool_]:
+        """Return which real lines in Hz are within the band, `(n,)`."""
+        lines = _checks.frequencies(frequency_hz).real
+        if self.band_hz is None:
+            return np.ones(lines.size, dtype=np.bool_)
+        low, high = self.band_hz
+        return np.asarray((lines >= low * (1.0 - EQUAL_LINES)) & (lines <= high * (1.0 + EQUAL_LINES)))
+
     def check_band(self, lines: NDArray[np.inexact]) -> None:
         """Raise `ValueError` for a line in Hz outside the band."""
         if self.band_hz is None:
             return
         low, high = self.band_hz
-        bad = np.flatnonzero((lines.real < low * (1.0 - 1e-9)) | (lines.real > high * (1.0 + 1e-9)))
+        bad = np.flatnonzero(~self.covers(lines.real))
         if bad.size:
             raise ValueError(
                 f"{self.owner} is known from {low:g} to {high:g} Hz, and the line at {lines[bad[0]].real:g} Hz is "

@@ -29,6 +29,7 @@ from receptance.fit.observation import Observation, altered
 from receptance.fit.predictor import PredictedData, Predictor
 from receptance.fit.problem import End
 from receptance.fit.result import Identification
+from receptance.fit.spindle_errors import with_spindle_errors
 from receptance.fit.unknowns import Tolerance
 from receptance.predict.menu import Candidate
 
@@ -93,9 +94,12 @@ def expected_deviations(
     observations = [
         _expected_data(hypothesis.observation, mean) for hypothesis, mean in zip(hypotheses, data.mean(), strict=True)
     ]
-    if candidate is not None and predictor.discrepancy is not None:
-        # More lines or hits do not make the model better.
-        observations[-1] = predictor.discrepancy.enlarge(observations[-1])
+    if candidate is not None:
+        # A measured spindle limits what the candidate can tell as well.
+        observations[-1:] = with_spindle_errors(observations[-1:], data.assemblies(data.start)[-1:])[0]
+        if predictor.discrepancy is not None:
+            # More lines or hits do not make the model better.
+            observations[-1] = predictor.discrepancy.enlarge(observations[-1])
     problem = data.problem(observations)
     *parts, prior = np.split(problem.jacobian(data.start), np.cumsum(problem.sizes))
     information = prior.T @ prior

@@ -26,6 +26,8 @@ _UNITS = {
     "damping_ratio": "",
     "y": "1/kg**0.5",
     "theta": "rad/(m*kg**0.5)",
+    "y_imaginary": "1/kg**0.5",
+    "theta_imaginary": "rad/(m*kg**0.5)",
     "residual_y": "m/N",
     "residual_theta": "rad/(N m)",
     "residual_ytheta": "m/(N m)",
@@ -177,7 +179,7 @@ def _cuts(machine: Machine) -> list[str]:
             f"teeth = {cut.teeth}",
             f'k_t = "{1e-6 * cut.k_t:g} MPa"',
             f'k_n = "{1e-6 * cut.k_n:g} MPa"',
-            f"immersion = {cut.immersion:g}",
+            f"radial_depth = {cut.immersion:g}",
             f'feed = "{cut.feed}"',
             f'x = {{ assembly = "o{overhang}" }}',
         ]

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from foreign_beam import measured
 
+from .effects import Effect, draw_effect, recorded
 from .lobes import Cut
-from .structure import Numbers, Place, receptances, section_count
+from .structure import Numbers, Place, section_count
 
 HITS_REPEAT, FLOOR = 0.01, 0.005
 """Scatter of one hit relative to the FRF and to its median, and errors other than noise, both of which are stated."""
@@ -50,14 +51,17 @@ class Machine:
     """True numbers of each overhang; for scoring alone."""
     cuts: tuple[tuple[int, Cut], ...] = ()
     """Milling cuts, each with the number of the overhang of its tool."""
+    effect: Effect | None = None
+    """What is hidden; for scoring alone. The numbers of `truth` are without it."""
 
 
-def draw_machine(seed: int, *, end_mill: bool = False) -> Machine:
+def draw_machine(seed: int, effect: str | None = None, *, u: float | None = None, end_mill: bool = False) -> Machine:
     """Return a random machine with twelve records.
 
     By default its tool is a blank, and the description is right within its deviations. An end mill is described as
     users do, with flutes as a cylinder of 80 % of the diameter and the cone of the holder as two cylinders; it has a
-    third overhang, which is not measured, and cuts.
+    third overhang, which is not measured, and cuts. The hidden effect is one of `EFFECTS`, of a size `u` from 0 to 1
+    that is drawn by default; all else is the same as without it.
     """
     rng = np.random.default_rng([seed, 37])
     stated = _stated(rng)
@@ -74,8 +78,7 @@ def draw_machine(seed: int, *, end_mill: bool = False) -> Machine:
     hidden = {**_joint(rng, diameter), **_spindle(rng)}
     common = {**stated, **hidden}
     for name, deviation in deviations.items():
-        common[name] += deviation * rng.standard_normal()
-    _keep_cone(common, stated)
+        common = true_deviation(common, name, deviation * float(rng.standard_normal()))
     error = 5e-5
     truth = tuple({**common, "overhang": x + error * float(rng.standard_normal())} for x in overhangs)
     lines = STEP_HZ * np.arange(
@@ -83,12 +86,13 @@ def draw_machine(seed: int, *, end_mill: bool = False) -> Machine:
     )
     length = sum(stated[f"holder.{i}.length"] for i in range(section_count(stated)))
     nose, body = 0.004, round(float(rng.uniform(0.45, 0.6)) * length, 4)
+    hidden_effect = None if effect is None else draw_effect(np.random.default_rng([seed, 39]), effect, u)
     records = []
     for number, p in enumerate(truth[:2]):
         tip, middle = ("tool", 0.0), ("tool", round(0.5 * overhangs[number], 4))
         places = {"tip": tip, "mid": middle, "nose": ("holder", nose), "body": ("holder", body)}
         for seen, hits in (("tip", ("tip", "mid", "nose", "body")), ("nose", ("tip", "nose"))):
-            exact = receptances(p, places[seen], [places[hit] for hit in hits], lines)
+            exact = recorded(p, hidden_effect, number, places[seen], [places[hit] for hit in hits], lines)
             for column, hit in enumerate(hits):
                 values, coherence = _hit(rng, exact[:, column])
                 records.append(
@@ -111,6 +115,7 @@ def draw_machine(seed: int, *, end_mill: bool = False) -> Machine:
         records=tuple(records),
         truth=truth,
         cuts=cuts,
+        effect=hidden_effect,
     )
 
 
@@ -213,11 +218,10 @@ def _deviations(p: Mapping[str, float]) -> dict[str, float]:
     return found
 
 
-def _keep_cone(true: dict[str, float], stated: Mapping[str, float]) -> None:
-    """Move the small end of each section by as much as its large end."""
-    for i in range(section_count(stated)):
-        name = f"holder.{i}"
-        true[f"{name}.small"] = stated[f"{name}.small"] + true[f"{name}.large"] - stated[f"{name}.large"]
+def true_deviation(p: Numbers, name: str, by: float) -> dict[str, float]:
+    """Return numbers of which one deviates; both ends of a section do so by as much."""
+    both = name.endswith(".large")
+    return {**p, **{key: p[key] + by for key in (name, *([name.replace("large", "small")] if both else []))}}
 
 
 def _joint(rng: np.random.Generator, diameter: float) -> dict[str, float]:

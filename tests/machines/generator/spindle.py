@@ -1,92 +1,73 @@
-"""The spindle alone, as a holder sees it: its receptance, its undamped modes, and real modes fitted to it.
-
-Dashpots at bearings and taper make the true shapes complex. A description with real shapes is an approximation.
-"""
+"""The spindle alone, as a holder sees it: its receptance and its modes, whose shapes dashpots make complex."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
-from blind.generator.elements import FloatArray, Structure
+from blind.generator.elements import FloatArray, Poles, Structure
 
-from .structure import MODES, Numbers, add_spindle
+from .structure import MODES, REFINEMENT, Numbers, add_spindle
 
-LEVER = 0.1
-"""Length in m by which rotations are compared with displacements."""
+ABOVE, LOSS = 3.8, 0.29
+"""Frequency of a mode above the lines, over that of the last one, and its damping ratio."""
+OSCILLATING = 0.9
+"""Largest damping ratio of a mode; what is damped more is left to the residual."""
 
 
-def _alone(p: Numbers) -> tuple[Structure, int]:
-    s = Structure()
+def _poles(p: Numbers) -> Poles:
+    """Return the poles of y and theta at the plane over force and moment."""
+    s = Structure(REFINEMENT)
     plane = s.station()
     # The plane has no mass of its own: a thin disc, which is negligible, keeps the mass matrix definite.
     s.mass(plane, 1e-5, 1e-9)
     add_spindle(s, plane, p)
-    return s, plane
+    ends = np.eye(s.size)[:, [2 * plane, 2 * plane + 1]]
+    return s.poles(ends, ends, MODES)
 
 
 def plane_receptance(p: Numbers, lines: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return y over force, theta over moment and y over moment at the plane, `(n, 3)`."""
-    s, plane = _alone(p)
-    ends = np.eye(s.size)[:, [2 * plane, 2 * plane + 1]]
-    found = s.poles(ends, ends, MODES)
+    found = _poles(p)
     return np.stack([found.receptance(lines, *pair) for pair in ((0, 0), (1, 1), (0, 1))], axis=1)
 
 
-def spindle_modes(p: Numbers, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return the undamped modes of the spindle in the order of their frequencies.
+def spindle_modes(p: Numbers, count: int, lines: NDArray[np.float64]) -> tuple[FloatArray, FloatArray]:
+    """Return modes that stand for the spindle on some lines, and the residual.
 
-    The rows are natural frequency in Hz, damping ratio, and y and theta of the mass-normalised shape at the plane; y is
-    positive. The second array is the static receptance of all further modes, in the order of `plane_receptance`.
+    A pole l = -zeta w + i v has the residue psi psi^T / (2 i v), psi the shape at the plane. The rows are w in Hz,
+    zeta, the real parts of y and theta of psi, and their imaginary parts; the real part of y is positive. The lowest
+    poles leave what the taper joint adds, springs with dashpots in series: two damped modes above the lines have their
+    loss, one in y and one in theta. The residual, in the order of `plane_receptance`, is the rest.
     """
-    s, plane = _alone(p)
-    _, _, damping = s.matrices()
-    squares, shapes, ratios = s.modes()
-    w = np.sqrt(squares)
-    ratios = ratios + 0.5 * np.einsum("ij,ik,kj->j", shapes, damping, shapes) / w
-    y, theta = shapes[2 * plane], shapes[2 * plane + 1]
-    turned = np.where(y < 0.0, -1.0, 1.0)
-    rows = np.column_stack([w / (2.0 * np.pi), ratios, turned * y, turned * theta])
-    static = np.array([a[count:] @ (b[count:] / squares[count:]) for a, b in ((y, y), (theta, theta), (y, theta))])
-    return rows[:count], static
+    found = _poles(p)
+    size = np.abs(found.rates)
+    ratios = -found.rates.real / size
+    chosen = np.flatnonzero((found.rates.imag > 0.0) & (ratios < OSCILLATING))
+    chosen = chosen[np.argsort(size[chosen])][: count - 2]
+    turn = 2j * found.rates.imag[chosen]
+    y = np.sqrt(turn * found.seen[0, chosen] * found.excited[chosen, 0])
+    y = np.where(y.real < 0.0, -y, y)
+    theta = turn * found.seen[0, chosen] * found.excited[chosen, 1] / y
+    rows = np.column_stack([size[chosen] / (2.0 * np.pi), ratios[chosen], y.real, theta.real, y.imag, theta.imag])
+    left = plane_receptance(p, lines) - summed_modes(rows, lines)
+    above = np.zeros((2, 6))
+    above[:, 0], above[:, 1] = ABOVE * lines[-1], LOSS
+    # Of a compliance C above the lines the imaginary part is about -2 zeta C f / w.
+    slopes = -(left.imag / lines[:, None])[lines > 0.5 * lines[-1], :2].mean(axis=0)
+    compliance = np.maximum(slopes * above[:, 0] / (2.0 * LOSS), 0.0)
+    above[[0, 1], [2, 3]] = 2.0 * np.pi * above[:, 0] * np.sqrt(compliance)
+    rows = np.vstack([rows, above])
+    rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    return rows, (plane_receptance(p, lines) - summed_modes(rows, lines)).real.mean(axis=0)
 
 
-def real_modes(
-    p: Numbers, count: int, lines: NDArray[np.float64], rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray]:
-    """Return modes with real shapes that are fitted to the spindle on some lines, as `spindle_modes` does.
-
-    Two modes with almost the same frequency are nearly one with a complex shape. The fit begins with the undamped modes
-    in the band and the next one above; what is left of the count are copies of drawn ones in the band.
-    """
-    rows, _ = spindle_modes(p, count)
-    inside = int(np.sum(rows[:, 0] < lines[-1]))
-    kept = min(inside + 1, count)
-    copies = rows[rng.choice(inside, count - kept, replace=count - kept > inside)]
-    begun = np.vstack([rows[:kept], copies * [1.05, 1.5, 0.3, -0.3]])
-    some = lines[:: max(lines.size // 300, 1)]
-    true = plane_receptance(p, some)
-    levers = np.array([1.0, LEVER**-2, 1.0 / LEVER])
-    weights = 1.0 / (levers * np.linalg.norm(true / levers, axis=1)[:, None])
-    w = 2.0 * np.pi * some[:, None]
-    _, rest = spindle_modes(p, kept)
-    sizes = np.array([0.1, 0.1, *np.abs(rows[:, 2:]).mean(axis=0)])
-
-    def modes(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        moved = x[: 4 * count].reshape(count, 4) * sizes
-        scaled = begun[:, :2] * np.exp(moved[:, :2])
-        static = rest + x[4 * count :] * (np.abs(rest) + 1e-13)
-        return np.hstack([scaled, begun[:, 2:] + moved[:, 2:]]), static
-
-    def residuals(x: FloatArray) -> FloatArray:
-        (f, zeta, y, theta), static = modes(x)[0].T, modes(x)[1]
-        own = 2.0 * np.pi * f
-        near = 1.0 / (own**2 - w**2 + 2j * zeta * own * w)
-        difference = (near @ np.column_stack([y * y, theta * theta, y * theta]) + static - true) * weights
-        return np.concatenate([difference.real.ravel(), difference.imag.ravel()])
-
-    fitted = least_squares(residuals, np.zeros(4 * count + 3), max_nfev=100)
-    found, static = modes(fitted.x)
-    found[:, 2:] *= np.where(found[:, 2:3] < 0.0, -1.0, 1.0)
-    return found[np.argsort(found[:, 0])], static
+def summed_modes(rows: FloatArray, lines: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return the receptance of modes without a residual, in the order of `plane_receptance`."""
+    size, ratios = 2.0 * np.pi * rows[:, 0], rows[:, 1]
+    turned = size * np.sqrt(1.0 - ratios**2)
+    poles = -ratios * size + 1j * turned
+    y, theta = rows[:, 2] + 1j * rows[:, 4], rows[:, 3] + 1j * rows[:, 5]
+    residues = np.column_stack([y * y, theta * theta, y * theta]) / (2j * turned[:, None])
+    s = 2j * np.pi * lines[:, None]
+    return (1.0 / (s - poles)) @ residues + (1.0 / (s - poles.conj())) @ residues.conj()

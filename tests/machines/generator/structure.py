@@ -21,6 +21,8 @@ Place = tuple[str, float]
 
 STEP = 0.0026
 """Longest cylinder of a cone in m."""
+REFINEMENT = 0.5
+"""Of the mesh: elements of half a wave length."""
 MODES = 26
 """Undamped modes in the basis of a response; the rest is static up to twice the highest line."""
 
@@ -40,13 +42,15 @@ def fluted(p: Numbers) -> Ring:
     """Return a ring with the area and the second moment of the fluted section, given relative to the shank."""
     total, difference = p["flute.second"] / p["flute.area"], p["flute.area"]
     outer = p["tool.diameter"] * math.sqrt(0.5 * (total + difference))
-    inner = p["tool.diameter"] * math.sqrt(0.5 * (total - difference))
+    inner = p["tool.diameter"] * math.sqrt(max(0.5 * (total - difference), 0.0))
     return material(p, "tool", outer, inner)
 
 
-def build(p: Numbers, places: Iterable[Place] = ()) -> tuple[Structure, dict[Place, int], int]:
+def build(
+    p: Numbers, places: Iterable[Place] = (), refinement: float = REFINEMENT
+) -> tuple[Structure, dict[Place, int], int]:
     """Return the structure, the stations of places, and the station of the plane between holder and spindle."""
-    s = Structure()
+    s = Structure(refinement)
     wanted = list(places)
     tool = Row(s, [x for part, x in wanted if part == "tool"])
     flutes = p.get("flute.length", 0.0)
