@@ -362,7 +362,8 @@ def test_rejected_modes_are_not_written(
 ) -> None:
     folder = copied(ready, tmp_path, CAMPAIGN.replace("spindle.npz", "spindle.toml"))
     monkeypatch.chdir(folder)
-    rejected = replace(campaign.load(ready).identify(), rejection=Rejection(unusable=("the fit has not converged",)))
+    reason = Rejection(unusable=("the fit has not converged",))
+    rejected = replace(campaign.load(ready).identify(), converged=False, rejection=reason)
     mode = Mode(frequency_hz=1200.0, damping_ratio=0.05, y=0.5, theta=-3.0)
     part = ModalPart(modes=[mode], name="spindle")
     modes = SpindleModes(part=part, covariance=np.eye(len(part.addresses)), identification=rejected)
