@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -86,6 +88,15 @@ def changed(*edits: tuple[str, str]) -> str:
         assert text.count(old) == 1, f"{old!r} is there {text.count(old)} times"
         text = text.replace(old, new)
     return text
+
+
+@functools.cache
+def possible() -> tuple[str, str]:
+    """Return an edit of the frequencies to those of a joint; the text has some that no joint has."""
+    with tempfile.TemporaryDirectory() as folder:
+        pair = campaign.load(write(Path(folder), TEXT)).measurements["short"].assembly
+    first, second = pair.replace({"joint.k_y": 3e8, "joint.k_theta": 1e5}).natural_frequencies(2e4)[:2].tolist()
+    return '"2500 Hz", "10000 Hz"', f'"{first!r} Hz", "{second!r} Hz"'
 
 
 def write(folder: Path, text: str = TEXT) -> Path:

@@ -65,7 +65,7 @@ def stiffness(name: str, address: str, frequency_hz: float, seed: int) -> float 
     if frequency_hz >= first_mode(name, {}):
         return None
     measured = rc.Observation.from_modes(assembly=rod(name), frequency_hz=[frequency_hz], label=f"rod {name}")
-    value = rc.identify(measured, unknowns([address]), seed=seed).values[address]
+    value = rc.identify(measured, unknowns([address]), seed=seed, noise="stated").values[address]
     low, high = BOUNDS[address]
     return value if 1.001 * low < value < 0.999 * high else None
 
@@ -96,7 +96,7 @@ def common_clamp(addresses: list[str], error_hz: float, seed: int) -> dict[str, 
         )
         for name, frequency in MEASURED_HZ.items()
     ]
-    found = rc.identify(measured, unknowns(addresses), seed=seed)
+    found = rc.identify(measured, unknowns(addresses), seed=seed, noise="stated")
 
     def errors(logarithms: np.ndarray) -> np.ndarray:
         values = dict(zip(found.values, np.exp(logarithms).tolist(), strict=True))

@@ -123,8 +123,8 @@ def _identified(machine: Machine, path: Path, threads: int) -> Row:
     true = {f"joint.{name}": machine.truth[0][f"joint.{name}"] for name in ("k_y", "k_theta")}
     intervals = {address: fit.interval(address) for address in true}
     return {
-        # The negative logarithm of the likelihood: where the noise is scaled, the cost alone is half its expectation.
-        "cost": float(min(one.cost for one in fit.starts) + fit.task.independent_values * np.log(fit.noise_factor)),
+        # Half of chi-square, with the stated noise.
+        "cost": float(min(one.cost for one in fit.starts)),
         "rms": float(fit.rms),
         "converged": bool(fit.converged),
         "seconds": seconds,

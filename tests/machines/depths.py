@@ -79,7 +79,7 @@ def recommend(seed: int, index: int, modes: int, threads: int) -> Row:
             {
                 "measured": number < 2,
                 "ratios": ratios,
-                "rejected": bool(lobes.rejection),
+                "rejected": bool(lobes.rejection.unusable),
                 "banded": lobes.probability is not None,
                 "reason": " ".join(lobes.rejection)[:200],
             }

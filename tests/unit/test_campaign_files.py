@@ -352,7 +352,7 @@ class TestExamples:
     def test_undeclared_window_biases_the_damping(self, hammer: Path, tmp_path: Path) -> None:
         """The windowed FRF taken for an ordinary one: the damping comes out too large by the window."""
         read = campaign.load(hammer)
-        right = read.identify().values["collet.c_theta"]
+        right = read.identify()
         measurements = {}
         for name, measured in read.measurements.items():
             data = measured
@@ -363,8 +363,10 @@ class TestExamples:
                 label=name, configuration=data.configuration, conditions=data.conditions,
             )  # fmt: skip
         wrong = dataclasses.replace(read, measurements=measurements).identify()
-        excess = wrong.values["collet.c_theta"] - right
-        assert excess > 10.0 * wrong.standard_errors["collet.c_theta"]
+        excess = wrong.values["collet.c_theta"] - right.values["collet.c_theta"]
+        assert not right.rejection
+        assert wrong.rejection.widened
+        assert excess > 10.0 * right.standard_errors["collet.c_theta"]
 
     def test_a_damaged_data_file(self, free_free: Path, tmp_path: Path) -> None:
         folder = tmp_path / "copy"

@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from receptance import FRF, Assembly, Coordinate, ModalPart, Mode, Part, PointJoint, Segment, campaign, io
+from receptance import FRF, Assembly, Coordinate, MeasuredPart, ModalPart, Mode, Part, PointJoint, Segment, campaign, io
 from receptance.campaign import CampaignError
 from receptance.cli import main
 from receptance.diagnosis.causes import Cause, Parameter, Variant
 from receptance.diagnosis.model import Model
+from receptance.fit import Predictor
+from receptance.fit.parameters import Site
 from receptance.model.beams import Material
 
 STEEL = Material(name="steel", youngs_modulus=210e9, density=7850.0, poisson_ratio=0.3, loss_factor=0.002)
@@ -122,6 +124,13 @@ def true_machine(overhang: float = 0.07, modes: tuple[Mode, ...] = MODES) -> Ass
     return Assembly([tool, joint, holder, ModalPart(modes=modes, residual_y=2e-9, residual_theta=3e-7, name="spindle")])
 
 
+def highest_lines(assembly: Assembly) -> np.ndarray:
+    """Return the frequencies at which the receptance of the tip is larger than on both sides."""
+    lines = np.arange(300.0, 3000.0, 0.25)
+    size = np.abs(assembly.receptance(lines))
+    return lines[1:-1][(size[1:-1] > size[:-2]) & (size[1:-1] > size[2:])]
+
+
 def write_campaign(folder: Path, text: str = HEAD, modes: tuple[Mode, ...] = MODES, step: int = 1) -> campaign.Campaign:
     """Write FRFs of the roving hammer with 1 % noise, seed 5, on every `step`th line, and the campaign, and load it."""
     rng = np.random.default_rng(5)
@@ -161,6 +170,48 @@ def test_a_spindle_is_fitted_with_the_joint(tmp_path: Path) -> None:
     held = [one for one in loaded.predict(found).frfs if one.rms_decibel is not None]
     assert len(held) == 1
     assert held[0].rms_decibel < 0.5
+
+
+def test_natural_frequencies_of_a_machine_are_peaks_of_the_tip(tmp_path: Path) -> None:
+    """An assembly that ends with modes has intervals of natural frequencies, and so have peaks held out."""
+    loaded = write_campaign(tmp_path, HEAD + FURTHER)
+    prediction = loaded.predict()
+    (longer,) = (one for one in prediction.frequencies if one.name == "longer")
+    true = highest_lines(true_machine(0.085))
+    assert len(longer.modes) >= 2
+    for mode in longer.modes:
+        low, high = mode.interval_hz()
+        assert 0.0 < high - low < 0.05 * mode.predicted_hz
+        assert np.abs(true / mode.predicted_hz - 1.0).min() < 0.02
+    assert longer.scatter.errors == {}
+    (held,) = (one for one in prediction.frfs if one.measured is not None)
+    both = [peak for peak in held.peaks if peak.predicted_hz is not None and peak.measured_hz is not None]
+    assert len(both) >= 2
+    assert all(peak.within() is not None for peak in both)
+    lost = [peak for peak in held.peaks if peak.predicted_hz is not None and peak.deviation_hz is None]
+    assert bool(lost) == any("have no interval" in note for note in prediction.notes)
+    assert any("distinct peaks of the FRF of the tip" in note for note in prediction.notes)
+    assert "Assemblies that were not measured" in prediction.summary(80)
+
+
+def test_natural_frequencies_of_a_spindle_from_a_table() -> None:
+    """The errors of the lines of a table widen the intervals of the peaks."""
+    tool = Part([Segment(length=0.085, outer_diameter=0.016, material=STEEL)], name="tool")
+    spindle = ModalPart(modes=MODES, residual_y=2e-9, residual_theta=3e-7, name="spindle")
+    lines = np.arange(300.0, 3000.0, 2.0)
+    matrix = spindle.receptance(lines)
+    share = 1e-3 * np.abs(spindle.entries(lines))
+    covariance = np.einsum("ni,ij,nj->nij", share, np.eye(3), share)
+    exact = MeasuredPart(frequency_hz=lines, matrix=matrix, name="spindle")
+    noisy = MeasuredPart(frequency_hz=lines, matrix=matrix, covariance=covariance, name="spindle")
+    predicted = [Predictor().at(Site(Assembly([tool, end]), "", "", {})) for end in (exact, noisy)]
+    certain, widened = (one.peak_frequencies(lines, one.linear(lines)) for one in predicted)
+    assert np.all(certain.standard_error_hz == 0.0)
+    assert np.all(widened.standard_error_hz > 0.0)
+    assert len(certain.modes) == len(widened.modes) >= 1
+    true = highest_lines(Assembly([tool, spindle]))
+    for mode in certain.modes:
+        assert np.abs(true / mode.predicted_hz - 1.0).min() < 0.02
 
 
 def test_mistakes_of_a_modal_part(tmp_path: Path) -> None:

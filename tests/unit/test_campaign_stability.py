@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from campaign_text import TEXT, changed, load
+from campaign_text import TEXT, changed, load, possible
 from command_line import call
 from receptance import FRF
 from receptance.campaign import CampaignError
@@ -197,7 +197,7 @@ def test_tips_without_lines_are_mistakes(tmp_path: Path) -> None:
 
 
 def test_predicted_tips(tmp_path: Path) -> None:
-    read = load(tmp_path, changed(*DAMPED) + PREDICTED)
+    read = load(tmp_path, changed(*DAMPED, possible()) + PREDICTED)
     found = read.stability()
     rough, boring = found.values()
     assert found.identified is not None
@@ -329,9 +329,9 @@ def test_lines_that_do_not_contain_the_mode_give_no_limit(
     lines = np.arange(low, high + 1.0, 2.0)
     write(tmp_path / "tip.csv", FRF(frequency_hz=lines, values=TIP.receptance(lines)[:, 0, 0]))
     found = load(tmp_path, MEASURED.replace("draws = 40", f'draws = 40\nmethod = "{method}"')).stability()
-    assert words in found.rejection[0]
-    assert found.rejection[0].startswith("cuts.slot: ")
-    assert found.rejection[0].endswith("frequencies (a wider measurement, or wider `bands`)")
+    assert words in found.rejection.unusable[0]
+    assert found.rejection.unusable[0].startswith("cuts.slot: ")
+    assert found.rejection.unusable[0].endswith("frequencies (a wider measurement, or wider `bands`)")
     lobes = found["slot"]
     assert np.isnan(lobes.depth).all()
     assert lobes.best_cuts == ()

@@ -19,9 +19,10 @@ from receptance import Assembly, MeasuredPart, Part, damped_modes
 from receptance.campaign import CampaignError
 from receptance.campaign.measurements import read_frequencies
 from receptance.campaign.prediction import predict_assembly
-from receptance.catalogue import Catalogue, line_modes, predict_catalogue, read_holders, read_tools
+from receptance.catalogue import Catalogue, predict_catalogue, read_holders, read_tools
 from receptance.catalogue.building import ToolAssembly
 from receptance.coupling import read_spindle, write_spindle
+from receptance.fit.line_modes import line_modes
 from receptance.io import read_frf
 
 SEED = 20261121

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -89,10 +89,10 @@ _FITS: dict[tuple[Path, str], Any] = {}
 
 def _fitted_once(identify: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(identify)
-    def wrapped(self: Campaign) -> Any:
-        key = self.file.resolve(), repr(self.table.settings)
+    def wrapped(self: Campaign, profiles: Sequence[str] | None = None) -> Any:
+        key = self.file.resolve(), repr((self.table.settings, profiles))
         if key not in _FITS:
-            _FITS[key] = identify(self)
+            _FITS[key] = identify(self, profiles)
         return _FITS[key]
 
     return wrapped

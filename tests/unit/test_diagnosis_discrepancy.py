@@ -14,13 +14,13 @@ import pytest
 
 from receptance import CARBIDE, STEEL, Assembly, Material, Observation, Part, PointJoint, PointMass, Segment
 from receptance.diagnosis import Model, Step, diagnose
-from receptance.diagnosis.adequacy import Strain
-from receptance.diagnosis.discrepancy import Discrepancy, fit_discrepancy, growth_beside_peaks, resonant
-from receptance.diagnosis.fitting import fit_base
+from receptance.diagnosis.fitting import fit_base, fit_discrepancy
 from receptance.diagnosis.held_out import Improvement
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.thresholds import MARGIN
-from receptance.fit import Tolerance, Unknown
+from receptance.fit import Tolerance, Unknown, identify
+from receptance.fit.adequacy import Strain
+from receptance.fit.discrepancy import Discrepancy, curve_of
 from receptance.fit.observation import altered
 
 LINES = np.linspace(200.0, 8000.0, 600)
@@ -87,7 +87,7 @@ TOLERANCES = (
 
 @pytest.mark.parametrize(("frequency", "level"), [(0.003, 0.03), (0.01, 0.03), (0.003, 0.15)])
 def test_the_estimate_is_close_to_the_errors_that_were_made(frequency, level):
-    model = resonant(Model(observed(frequency, level), JOINT, TOLERANCES, threads=1))
+    model = Model(observed(frequency, level), JOINT, TOLERANCES, threads=1).resonant()
     estimate = fit_discrepancy(model, fit_base(model).values)
     found, fit = estimate.discrepancy, estimate.fit
     print(found, "made", frequency, level)
@@ -105,7 +105,7 @@ def test_errors_within_a_mode_are_no_errors_of_natural_frequencies():
         for phase in [2.0 * np.pi * LINES / 900.0]
         for k, one in enumerate(observed(0.001, 0.01))
     ]
-    model = resonant(Model(tuple(observations), JOINT, TOLERANCES, threads=1))
+    model = Model(tuple(observations), JOINT, TOLERANCES, threads=1).resonant()
     found = fit_discrepancy(model, fit_base(model).values).discrepancy
     print(found)
     assert 0.1 < found.relative < 0.2
@@ -114,7 +114,7 @@ def test_errors_within_a_mode_are_no_errors_of_natural_frequencies():
 
 def test_intervals_of_the_joint_include_the_discrepancy():
     """Without it the joint misses the truth by many standard errors, with it by a few."""
-    model = resonant(Model(observed(0.005, 0.05), JOINT, TOLERANCES, threads=1))
+    model = Model(observed(0.005, 0.05), JOINT, TOLERANCES, threads=1).resonant()
     base = fit_base(model)
     fit = fit_discrepancy(model, base.values).fit
     true = {"joint.k_y": 4e8, "joint.k_theta": 9e4}
@@ -132,10 +132,22 @@ def test_intervals_of_the_joint_include_the_discrepancy():
     assert away[1] < 4.0
 
 
+def test_identify_and_diagnose_state_the_same_intervals():
+    data = observed(0.005, 0.05)
+    fit = identify(data, JOINT, tolerances=TOLERANCES, starts=1, strategy="staged")
+    base = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["time_delay"], fast=True).base
+    assert fit.rejection.widened
+    assert base.discrepancy.is_close(fit.discrepancy)
+    assert base.scatter_freedom == pytest.approx(fit.scatter_freedom, rel=0.05)
+    for unknown in JOINT:
+        assert base.values[unknown.address] == pytest.approx(fit.values[unknown.address], rel=2e-3)
+        assert base.interval(unknown.address) == pytest.approx(fit.interval(unknown.address), rel=0.02)
+
+
 def test_lines_of_a_mode_count_once():
     model = Model(observed(0.005, 0.05), JOINT, TOLERANCES, threads=1)
-    large = Discrepancy(0.01, 0.05).allow(model)
-    small = Discrepancy(1e-9, 1e-9).allow(model)
+    large = model.allow(Discrepancy(0.01, 0.05))
+    small = model.allow(Discrepancy(1e-9, 1e-9))
     modes = [one.assembly.natural_frequencies(8e3).size for one in model.observations]
     for one, few, same, count in zip(model.observations, large.observations, small.observations, modes, strict=True):
         # Two numbers of level, and one of frequency, for each mode; a mode has some lines of either kind.
@@ -223,7 +235,7 @@ def test_wrong_shares_of_modes_have_the_stated_growth_beside_peaks():
     wrong = 1.0 + 0.01 * (rng.normal(size=(4000, 3)) + 1j * rng.normal(size=(4000, 3)))
     error = (wrong @ shares) / shares.sum(axis=0) - 1.0
     one = altered(observed(0.0, 0.0)[0], receptance=1e-3 * shares.sum(axis=0))
-    growth = growth_beside_peaks(one)
+    growth = curve_of(one).growth
     made = np.mean(np.square(np.abs(error)), axis=0) / (2.0 * 0.01**2)
     # At the peaks, between them and in dips, up to a growth of the variance of some hundreds.
     assert np.max(made) > 100.0

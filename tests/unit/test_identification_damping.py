@@ -202,7 +202,13 @@ def test_a_campaign_has_them(tmp_path: Path) -> None:
 
 def test_a_campaign_is_identified_with_them(tmp_path: Path) -> None:
     unknown = '"joint.c_y" = { lower = "1 N s/m", upper = "1e5 N s/m" }\n'
-    text = changed(DAMPED) + unknown + "[settings]\nstarts = 2\nprofiles = false\n"
+    settings = "[settings]\nstarts = 2\nprofiles = false\n"
+    # Frequencies and a damping ratio that a joint can have.
+    pair = load(tmp_path, changed(DAMPED)).measurements["short"].assembly
+    true = damped_modes(pair.replace({"joint.k_y": 3e8, "joint.k_theta": 1e5, "joint.c_y": 500.0}), 2e4)
+    first, second, ratio = *true.frequency_hz[:2].tolist(), 100.0 * float(true.damping_ratio[0])
+    frequencies = ('"2500 Hz", "10000 Hz"', f'"{first!r} Hz", "{second!r} Hz"')
+    text = changed(DAMPED, frequencies, ('"1.2 %", "unknown"', f'"{ratio!r} %", "unknown"')) + unknown + settings
     found = load(tmp_path, text).identify()
     low, high = found.interval("joint.c_y")
     assert 0.0 < low < found.values["joint.c_y"] < high

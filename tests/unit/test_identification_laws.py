@@ -183,7 +183,7 @@ def test_tolerances_widen_intervals_and_are_fitted_if_observable():
         Unknown(address="joint.k_theta", lower=1e3, upper=1e7),
     ]
     blank = Tolerance(name="blank", moves={"tool.segment[*].outer_diameter": 0.002}, relative=True)
-    exact = identify(frf, unknowns, starts=3)
+    exact = identify(frf, unknowns, starts=3, noise="stated")
     found = identify(frf, unknowns, tolerances=blank, starts=3)
     assert found.errors == ("blank",)
     assert found.values["blank"] == pytest.approx(2.0, abs=0.3)

@@ -57,7 +57,7 @@ def test_two_values_have_two_degrees_of_freedom() -> None:
 
 def test_tolerances_move_along_within_their_priors() -> None:
     shorter = PAIR.replace({"tool.segment[0].length": 0.0995})
-    exact = identify(modes(shorter), UNKNOWNS, starts=1)
+    exact = identify(modes(shorter), UNKNOWNS, starts=1, noise="stated")
     length = Tolerance(name="length", moves={"tool.segment[0].length": 5e-4})
     loose = identify(modes(shorter), UNKNOWNS, tolerances=length, starts=1)
     values = {"joint.k_y": 1e8, "joint.k_theta": 1e5}
@@ -131,7 +131,7 @@ def test_evidence_prefers_the_law_that_made_the_data() -> None:
     def difference(exponent: float) -> float:
         power = Power(of="torque", reference=40.0, lower=-2.0, upper=2.0)
         laws = [Law(address="joint.k_theta", lower=1e3, upper=1e7, start=1e5, powers=p) for p in ((), power)]
-        constant, grows = (log_evidence(identify(measured(exponent), law, starts=1)) for law in laws)
+        constant, grows = (log_evidence(identify(measured(exponent), law, starts=1, noise="stated")) for law in laws)
         return grows - constant
 
     assert difference(0.4) > 10.0
@@ -145,20 +145,24 @@ def test_evidence_needs_standard_deviations() -> None:
 
 
 def test_evidence_is_compared_at_the_stated_noise() -> None:
-    """Data that no joint fits: by default their scatter is estimated, "stated" leaves the standard deviations alone."""
+    """Data that no joint fits: by default the error of the model is estimated, "stated" leaves the noise alone."""
     rng = np.random.default_rng(7)
     true = PAIR.natural_frequencies(3e4)[:4]
     data = Observation.from_modes(
         assembly=PAIR, frequency_hz=true * (1.0 + 0.02 * rng.standard_normal(4)), standard_deviation_hz=1.0
     )
     length = Tolerance(name="length", moves={"tool.segment[0].length": 5e-5})
-    scaled = identify(data, UNKNOWNS, tolerances=length, starts=1)
+    judged = identify(data, UNKNOWNS, tolerances=length, starts=1)
     stated = identify(data, UNKNOWNS, tolerances=length, starts=1, noise="stated")
-    assert scaled.noise_factor > 30.0
-    assert stated.noise_factor == 1.0
-    assert abs(scaled.values["length"]) < 1.0 < abs(stated.values["length"])
-    assert log_evidence(stated) < log_evidence(scaled)
-    with pytest.raises(ValueError, match="noise is 'none', expected one of scaled, stated"):
+    assert 0.005 < judged.discrepancy.frequency < 0.08
+    assert stated.discrepancy is None
+    assert judged.rejection.widened
+    assert "too narrow" in stated.rejection.unusable[0]
+    assert abs(judged.values["length"]) < 1.0 < abs(stated.values["length"])
+    assert np.isfinite(log_evidence(stated))
+    with pytest.raises(ValueError, match="allows for an error of its model"):
+        log_evidence(judged)
+    with pytest.raises(ValueError, match="noise is 'none', expected one of judged, stated"):
         identify(data, UNKNOWNS, noise="none")  # type: ignore[arg-type]
 
 

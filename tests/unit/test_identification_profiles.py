@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
+from receptance.errors import ReceptanceWarning
 from receptance.fit import Law, Power, Profiles, Tolerance, identify, profile_likelihoods
 from receptance.fit.likelihood import interval_statement
 from receptance.fit.observation import altered
@@ -148,13 +149,44 @@ def test_one_configuration_leaves_a_law_undetermined():
     assert exponent.statement.startswith("not determined")
 
 
-def test_better_optimum_is_reported():
-    """A fit that stopped too early is not profiled as if it were the optimum."""
+def test_a_better_optimum_restarts_the_fit():
+    """A fit that stopped too early is not profiled as if it were the optimum: profiles and fit have the same values."""
     with_error = measure(make_assembly())
-    found = identify(with_error, STIFFNESSES, starts=1, max_evaluations=2)
+    found = identify(with_error, STIFFNESSES, starts=1, max_evaluations=2, noise="stated")
     assert not found.converged
-    profile = profile_likelihoods(found, "joint.k_theta")["joint.k_theta"]
+    with pytest.warns(ReceptanceWarning, match="the fit is restarted"):
+        profiles = profile_likelihoods(found, "joint.k_theta")
+    profile, again = profiles["joint.k_theta"], profiles.fit
     assert profile.lower < 1e5 < profile.upper
+    assert again.converged
+    assert not again.rejection
+    assert again.values["joint.k_theta"] == pytest.approx(profile.value, rel=1e-9)
+    assert again.starts[:-1] == found.starts
+    assert again.starts[-1].cost < found.starts[0].cost
+    low, high = again.interval("joint.k_theta")
+    assert (low, high) == pytest.approx((profile.lower, profile.upper), rel=0.02)
+    assert any("restarted" in note for note in again.notes)
+
+
+def test_a_fit_that_is_not_adequate_is_tried_again_from_the_wider_valley():
+    """A fit that stopped too early has large residuals, and not because of its model."""
+    found = identify(measure(make_assembly()), STIFFNESSES, starts=1, max_evaluations=3)
+    assert found.adequacy.passed
+    assert found.discrepancy is None
+    assert [text[:13] for text in found.rejection] == ["not converged"]
+    assert found.rms == pytest.approx(1.0, abs=0.1)
+
+
+def test_evaluations_of_profiles_are_limited():
+    found = identify(measure(make_assembly()), STIFFNESSES, starts=2)
+    whole = profile_likelihoods(found)
+    assert whole.fit is found
+    assert whole.unfinished == ()
+    first, last = whole
+    some = profile_likelihoods(found, most=whole[first].evaluations + 2)
+    assert list(some) == [first]
+    assert some.unfinished == (last,)
+    assert some[first].lower == whole[first].lower
 
 
 def test_percentages_are_no_likelihood():

@@ -15,11 +15,11 @@ from blank_in_holder import make_assembly
 from receptance import CARBIDE, Assembly, Observation, Part, PointMass, Segment, Unknown
 from receptance.diagnosis import diagnose
 from receptance.diagnosis.by_mode import Curve, modes_of, residuals_by_mode
-from receptance.diagnosis.discrepancy import Discrepancy
 from receptance.diagnosis.fitting import evaluate
 from receptance.diagnosis.held_out import FREQUENCIES, Gain
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.presentation import improvement_text
+from receptance.fit.discrepancy import Discrepancy
 from receptance.report.table import amount
 
 SEED = 20261122
@@ -73,7 +73,7 @@ def test_mode_deviation_by_the_sensor(verdict: Any) -> None:
     own = before[LABEL.format(90)]
     true = make_assembly(0.09, PointMass(mass=1e-3)).natural_frequencies(6000.0)[0]
     assert own.measured_hz == pytest.approx(true, rel=1e-3)
-    modelled = verdict.base.assemblies[2].natural_frequencies(6000.0)[0]
+    modelled = verdict.base_fit.identification.assemblies[2].natural_frequencies(6000.0)[0]
     assert own.frequency_percent == pytest.approx(100.0 * (modelled / true - 1.0), abs=0.03)
     assert np.isnan(before["peak"].damping_percent)
 
@@ -110,7 +110,7 @@ def test_modes_are_listed_beside_a_discrepancy() -> None:
     )
     loss = Unknown(address="bar.segment[0].loss_factor", lower=1e-6, upper=0.3, start=1e-3)
     model = Model((one,), (loss,), ())
-    allowed = Discrepancy(frequency=0.01, relative=0.05).allow(model)
+    allowed = model.allow(Discrepancy(frequency=0.01, relative=0.05))
     assert np.max(allowed.observations[0].standard_deviations) > 0.5
     found = [[mode.measured_hz for mode in residuals_by_mode(evaluate(each, {}))] for each in (model, allowed)]
     assert len(found[0]) == 1

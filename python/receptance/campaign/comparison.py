@@ -17,8 +17,8 @@ from receptance._text import instead_of
 from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import identify_campaign
 from receptance.campaign.values import kind_of
-from receptance.diagnosis.thresholds import CHANCE, MISFIT_LIMIT
 from receptance.fit import Identification, Observation
+from receptance.fit.adequacy import CHANCE, MISFIT_LIMIT
 from receptance.fit.observation import altered
 from receptance.fit.parameters import FACTORS
 from receptance.fit.unknowns import Law, covered
@@ -214,10 +214,7 @@ def _observations(
     unknowns = tuple(unknown for unknown in campaign.unknowns if unknown.address not in given)
     if all(unknown.address in varied for unknown in unknowns):
         return observations, None
-    settings = campaign.table.settings.with_(profiles=False)
-    fit = identify_campaign(
-        replace(campaign, table=campaign.table.with_(settings=settings), measurements=measurements, unknowns=unknowns)
-    )
+    fit = identify_campaign(replace(campaign, measurements=measurements, unknowns=unknowns))
     identified = []
     for name, measured, assembly in zip(measurements, observations, fit.assemblies, strict=True):
         observation = altered(measured, assembly=assembly)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from receptance._text import did_you_mean, first_of, one_of
 from receptance.campaign.data import CampaignData
 from receptance.campaign.problems import CampaignError, Issue, errors_about
 from receptance.campaign.schema import SeriesTable
@@ -29,10 +30,17 @@ _TOLERANCE_OF_MODES = 1e-6
 """Relative change at which a fit of unknown modes has converged: along its flat valleys the cost falls for long by
 amounts that are small beside 1."""
 _MODE_OF = re.compile(r"mode\[(\d+)\]")
+_EVALUATIONS_OF_PROFILE = 20
+"""Expected number of evaluations of a profile: about eight constrained fits from neighbouring ones."""
+_EVALUATIONS_OF_PROFILES = 200
+"""Evaluations of all profiles that are allowed after the shortest fit."""
 
 
-def identify_campaign(campaign: CampaignData) -> Identification:
-    """Identify the unknowns on the measurements that are not held out; see `Campaign.identify`."""
+def identify_campaign(campaign: CampaignData, profiles: Sequence[str] | None = ()) -> Identification:
+    """Identify the unknowns on the measurements that are not held out; see `Campaign.identify`.
+
+    Without `profiles`, which analyses do not need, only the fit is made.
+    """
     unknowns, left_out, tolerances = fit_inputs(campaign)
     settings = campaign.table.settings
     observations = list(campaign.to_identify.values())
@@ -62,14 +70,56 @@ def identify_campaign(campaign: CampaignData) -> Identification:
             notes.append(
                 f"trends and laws are not fitted: they need at least {LEAST_LEVELS} different levels, none negative"
             )
-    profiled = None
-    if settings.profiles and not by_level and fit.known_scatter and settings.objective == "log":
+    fit = replace(fit, notes=notes)
+    if profiles is None:
+        by_default = settings.profiles and not by_level and fit.known_scatter and settings.objective == "log"
+        most = max(fit.evaluations, _EVALUATIONS_OF_PROFILES)
+        return _with_profiles(campaign, fit, _of_joints(campaign, fit), most) if by_default else fit
+    return _with_profiles(campaign, fit, _check_profiles(campaign, fit, profiles), None) if profiles else fit
+
+
+def _of_joints(campaign: CampaignData, fit: Identification) -> list[str]:
+    """Return the parameters of joints in a fit, or all but errors where it has none."""
+    names = [name for name in fit.addresses if name not in fit.errors]
+    return [name for name in names if name.split(".", 1)[0] in campaign.table.joints] or names
+
+
+def _check_profiles(campaign: CampaignData, fit: Identification, names: Sequence[str]) -> list[str]:
+    """Return the parameters that are to be profiled; raise for one that was not identified, or without likelihood."""
+    choices = [name for name in fit.addresses if name not in fit.errors]
+    for name in names:
+        if name not in choices:
+            text = f'there is no identified parameter "{name}" to profile, expected {one_of(choices)}'
+            raise campaign.error(text + did_you_mean(name, choices))
+    if campaign.table.settings.objective != "log":
+        text = 'is "percentage", which has no likelihood and so no profiles; expected "log"'
+        raise campaign.error(text, "settings", "objective")
+    return list(dict.fromkeys(names))
+
+
+def _with_profiles(
+    campaign: CampaignData, fit: Identification, names: Sequence[str], most: int | None
+) -> Identification:
+    """Return the fit with profile likelihoods; with `most` evaluations, those that are expected to need no more.
+
+    The fit is the one that was profiled, which may be restarted from a better optimum.
+    """
+    notes, left_out, profiles = [], list(names), None
+    if most is None or _EVALUATIONS_OF_PROFILE * len(names) <= most:
+        campaign.progress(f"profiling {', '.join(names)}")
         try:
-            profiled = profile_likelihoods(fit, progress=campaign.progress)
+            profiles = profile_likelihoods(fit, names, most=most, progress=campaign.progress)
+            fit, left_out = profiles.fit or fit, list(profiles.unfinished)
         except ReceptanceError as error:
             # The fit is a result without profiles as well; its linear intervals remain.
             notes.append(f"profile intervals are not computed: {error}")
-    return replace(fit, notes=notes, profiled=profiled)
+            left_out = []
+    if left_out:
+        notes.append(
+            f"profile intervals of {first_of(left_out)} are not computed, because they take longer than the fit: "
+            "`receptance identify --profile ADDRESS` computes that of one parameter"
+        )
+    return replace(fit, notes=[*fit.notes, *notes], profiled=profiles or None)
 
 
 def fit_inputs(campaign: CampaignData) -> tuple[list[Unknown], list[str], list[Tolerance]]:
@@ -327,6 +377,7 @@ def _fitted(
             max_evaluations=settings.max_evaluations,
             threads=campaign.threads,
             strategy="staged" if staged and weighed and settings.objective == "log" else "direct",
+            noise="stated",
         )
     except (ReceptanceError, ValueError):
         return None  # the fit of all levels reports the error
@@ -354,7 +405,8 @@ def over_levels(campaign: CampaignData, fit: Identification) -> LevelSeries:
             title = law.name_in(name)
             if title in fit.values and np.isfinite(fit.standard_errors[title]):
                 level = campaign.site(name).conditions[table.over] / factor
-                left = max(float(np.sqrt(np.mean(square))), 1.0) if fit.known_scatter else 1.0
+                is_stated = fit.known_scatter and fit.discrepancy is None
+                left = max(float(np.sqrt(np.mean(square))), 1.0) if is_stated else 1.0
                 rows.append((level, fit.values[title], fit.standard_errors[title] * left))
         rows.sort()
         columns = np.array(rows).T if len(rows) >= LEAST_LEVELS else None

@@ -21,7 +21,7 @@ from receptance.fit.predictor import PredictedAssembly, Predictor
 from receptance.fit.unknowns import covered
 from receptance.model.assembly import Assembly
 from receptance.model.terminals import EQUAL_LINES, MeasuredPart, Terminal
-from receptance.report import Column, Provenance, Result, Table
+from receptance.report import ACCEPTED, Column, Provenance, Rejection, Result, Table
 from receptance.report.table import Cell
 
 
@@ -101,9 +101,9 @@ class Prediction(Result):
         ]
 
     @property
-    def rejection(self) -> tuple[str, ...]:
-        """Why the fit is rejected; empty if it is accepted or there is none."""
-        return () if self.identified is None else self.identified.rejection
+    def rejection(self) -> Rejection:
+        """Why the fit is rejected; false if it is accepted or there is none."""
+        return ACCEPTED if self.identified is None else self.identified.rejection
 
     def warnings(self) -> list[str]:
         """Return the most important advice of the fit; the fit itself has the rest."""
@@ -250,7 +250,14 @@ def predict_campaign(campaign: CampaignData, identified: Identification | None) 
                 frequencies += [] if modes is None else [modes]
                 frfs.append(frf)
             elif measured.is_receptance:
-                frfs.append(replace(predicted.observed(measured), name=name, assembly=measured.configuration))
+                frf = replace(predicted.observed(measured), name=name, assembly=measured.configuration)
+                frfs.append(frf)
+                lost = [f"{peak.predicted_hz:.0f}" for peak in frf.peaks if peak.predicted_hz and not peak.deviation_hz]
+                if lost and identified is not None:
+                    notes.append(
+                        f"{name}: the peaks predicted at {', '.join(lost)} Hz have no interval, because no mode can be "
+                        "fitted to their lines"
+                    )
             else:
                 modes = predicted.observed_modes(measured)
                 frequencies.append(replace(modes, name=name, assembly=measured.configuration))
@@ -320,19 +327,23 @@ def _unmeasured(
         widest = max(end.gaps_hz, key=lambda gap: gap[1] - gap[0])
         text = f"{name}: the spindle {source_of(end)} is not known in {len(end.gaps_hz)} gaps of its lines, the widest"
         notes.append(f"{text} from {widest[0]:g} to {widest[1]:g} Hz; a peak in one of them is not predicted")
-    frequencies = None
-    if not assembly.countable:
-        notes.append(f"{name}: the spindle is given as data, so natural frequencies are not predicted, only the FRF")
+    if assembly.countable:
+        frequencies = predicted.natural_frequencies(float(lines[-1]))
     else:
-        frequencies = replace(predicted.natural_frequencies(float(lines[-1])), name=name, assembly=name)
-        if not frequencies.modes:
-            frequencies = None
-            notes.append(f"{name}: there is no natural frequency below {lines[-1]:g} Hz")
+        frequencies = predicted.peak_frequencies(lines, predicted.linear(lines))
+        notes.append(
+            f"{name}: {next(reversed(assembly.elements))} is known by modes or by a table, so natural frequencies are "
+            "those of the distinct peaks of the FRF of the tip"
+        )
+    if not frequencies.modes:
+        which = "natural frequency" if assembly.countable else "distinct peak of the tip"
+        notes.append(f"{name}: there is no {which} below {lines[-1]:g} Hz")
     response, excitation = campaign.places[name]
     amplitude = campaign.table.prediction.force
     force = None if amplitude is None else np.full(lines.size, amplitude)
     frf = predicted.receptance(lines, response, excitation, force=force)
-    return frequencies, replace(frf, name=name, assembly=name)
+    named = replace(frequencies, name=name, assembly=name) if frequencies.modes else None
+    return named, replace(frf, name=name, assembly=name)
 
 
 def prediction_lines(campaign: CampaignData, assembly: Assembly) -> NDArray[np.float64]:
@@ -350,7 +361,11 @@ def prediction_lines(campaign: CampaignData, assembly: Assembly) -> NDArray[np.f
         expected = f"expected one near those of the measurements, or other sizes of {', '.join(assembly.elements)}"
         text = f"is {upper:g} Hz for predictions: {error}; {expected}"
         raise campaign.error(text, "prediction", "upper") from None
-    lower = settings.lower if settings.lower is not None else 0.1 * float(modes[0] if modes.size else upper)
+    lower = settings.lower
+    if lower is None and assembly.countable:
+        lower = 0.1 * float(modes[0] if modes.size else upper)
+    elif lower is None:
+        lower = upper / _LINES
     return lines_between(campaign, lower, upper, _LINES)
 
 

@@ -44,17 +44,24 @@ class Campaign(CampaignData):
         """
         return campaign.diagnosis.base_model(self, seen)
 
-    def identify(self) -> Identification:
+    def identify(self, profiles: Sequence[str] | None = None) -> Identification:
         """Identify the unknowns on the measurements that are not held out.
+
+        Parameters
+        ----------
+        profiles : sequence of str, optional
+            Addresses whose profile likelihoods are computed. By default those of the joints, where they are expected to
+            take no more evaluations than the fit, unless `settings.profiles` is false.
 
         Raises
         ------
         CampaignError
-            There are no unknowns or no measurements, or more unknowns than measured values. It is a ValueError.
+            There are no unknowns or no measurements, or more unknowns than measured values; a parameter to profile that
+            is not identified. It is a ValueError.
         ReceptanceError
             The model cannot be evaluated at any of the starts.
         """
-        return identify_campaign(self)
+        return identify_campaign(self, profiles)
 
     def spindle(
         self,

@@ -522,7 +522,7 @@ class SettingsTable(KeyTable):
         "whether the fit begins at the starts, or is preceded by easier fits, for starts that are decades off",
         ("direct", "staged"),
     ).default("direct")
-    profiles = flag("whether intervals are also computed from profile likelihoods").default(True)
+    profiles = flag("whether `identify` also computes profile likelihoods of the joints").default(True)
     band_width = share('half width of the bands of the percentage objective, by default `"5 %"`').default(0.05)
 
 

@@ -16,6 +16,7 @@ from receptance.campaign.problems import errors_about
 from receptance.coupling import SpindleModes, SpindleReceptance, fit_spindle, identify_spindle
 from receptance.coupling.line_bands import LineBand, bands_of
 from receptance.coupling.spindle_files import TABLE
+from receptance.coupling.spindle_modes import POOR
 from receptance.errors import ReceptanceWarning
 from receptance.fit import Observation, Tolerance
 from receptance.fit.parameters import Site
@@ -23,7 +24,7 @@ from receptance.fit.prediction import DECIBEL
 from receptance.fit.predictor import Predictor
 from receptance.model.assembly import Assembly
 from receptance.model.terminals import RESIDUALS, Mode
-from receptance.report import Column, Provenance, Result, Table
+from receptance.report import ACCEPTED, Column, Provenance, Rejection, Result, Table
 from receptance.report.table import Cell, percent
 
 _NONE = """there are no blanks of a spindle; write them, such as
@@ -166,9 +167,11 @@ class SpindleIdentification(Result):
         return found
 
     @property
-    def rejection(self) -> tuple[str, ...]:
-        """Why the modes must not be used; empty without modes."""
-        return () if self.modes is None or self.modes.identification is None else self.modes.identification.rejection
+    def rejection(self) -> Rejection:
+        """Why the modes must not be used; none without modes."""
+        fit = None if self.modes is None else self.modes.identification
+        is_poor = fit is not None and (not fit.converged or fit.rms > POOR)
+        return fit.rejection if fit is not None and is_poor else ACCEPTED
 
     def warnings(self) -> list[str]:
         """Return what limits the result, and what to do."""

@@ -27,6 +27,7 @@ from receptance.modal import ModeEstimate
 from receptance.model.assembly import Assembly
 from receptance.model.modes import damped_modes
 from receptance.model.terminals import MeasuredPart, Terminal
+from receptance.report import ACCEPTED, Rejection
 from receptance.stability import (
     Lobes,
     Milling,
@@ -40,7 +41,7 @@ from receptance.stability import (
     semi_discretised_lobes,
     stability_lobes,
 )
-from receptance.stability.lobes import without_limits
+from receptance.stability.lobes import with_rejection, without_limits
 from receptance.stability.tip import beyond_lines
 
 _Value = TypeVar("_Value")
@@ -148,6 +149,12 @@ class Tips:
     def drawn_modes(self) -> tuple[list[TipModes], NDArray[np.bool_]]:
         """Return valid draws of the modes, and a mask of the valid draws."""
         drawn, good = self._drawn(_MeasuredTip.drawn_modes, self._modes_of)
+        for source, modes in zip(self._sources, drawn, strict=True):
+            if not isinstance(source, _MeasuredTip):
+                modes[:] = [
+                    one.with_errors(*source.model_errors(one.frequency_hz.size, number, self._seed))
+                    for number, one in zip(np.flatnonzero(good).tolist(), modes, strict=True)
+                ]
         return [self._joined(list(each)) for each in zip(*drawn, strict=True)], good
 
     def require_modes(self) -> None:
@@ -302,10 +309,13 @@ def stability_of_campaign(
         campaign.progress(f"lobes of {cut.name}, {number} of {len(chosen)}")
         directions = (cut.x, cut.y) if isinstance(cut.cut, Milling) else (cut.x,)
         with errors_about(campaign.file, f"cuts.{cut.name}: "):
-            tips = Tips(campaign, identified, directions, cut.rotation_deg)
-            lobes = _lobes(campaign, cut, tips, speeds)
-            of_fit = identified.rejection if identified is not None and cut.is_predicted else ()
-            found[cut.name] = replace(lobes, rejection=(*of_fit, *lobes.rejection), provenance=provenance)
+            of_fit = identified.rejection if identified is not None and cut.is_predicted else ACCEPTED
+            if of_fit.unusable:
+                lobes = cut.label(without_limits(cut.cut, speeds, of_fit))
+            else:
+                tips = Tips(campaign, identified, directions, cut.rotation_deg)
+                lobes = with_rejection(_lobes(campaign, cut, tips, speeds), of_fit)
+            found[cut.name] = replace(lobes, provenance=provenance)
     notes = [*(campaign.notes if identified is None else identified.notes)]
     notes += [f"{name}: {note}" for name, one in found.items() for note in one.notes]
     return Stability(found, identified=identified, provenance=provenance, notes=notes)
@@ -316,8 +326,8 @@ def _lobes(campaign: CampaignData, cut: CampaignCut, tips: Tips, speeds: NDArray
     several = cut.drawn(settings.number_of_draws, settings.seed)
     uncertain = tips.uncertain or several is not None
     receptance = tips.receptance()
-    if rejection := (*tips.beyond_lines(), *tips.beside_gaps(receptance)):
-        lobes = without_limits(cut.cut, speeds, tuple(f"cuts.{cut.name}: {text}" for text in rejection))
+    if reasons := (*tips.beyond_lines(), *tips.beside_gaps(receptance)):
+        lobes = without_limits(cut.cut, speeds, Rejection(unusable=reasons).of(f"cuts.{cut.name}"))
         return replace(cut.label(lobes), notes=tuple(dict.fromkeys(tips.notes)))
     if settings.method == "mean force":
         draws, good = tips.receptances() if tips.uncertain else (None, np.ones(settings.number_of_draws, np.bool_))

@@ -1,8 +1,6 @@
 from . import figure as figure
 from . import results as results
 from .building import Catalogue as Catalogue
-from .modes import LineModes as LineModes
-from .modes import line_modes as line_modes
 from .prediction import ToolPrediction as ToolPrediction
 from .prediction import predict_catalogue as predict_catalogue
 from .results import CatalogueSummary as CatalogueSummary

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from receptance.catalogue.prediction import ToolPrediction
 from receptance.catalogue.results import CatalogueSummary
+from receptance.fit.figure import OPEN
 from receptance.report.figure import (
     COLOURS,
     INK,
@@ -40,7 +41,8 @@ def draw_tool(prediction: ToolPrediction) -> Figure:
     axes = figure.subplots()
     tip = prediction.tip
     size = 1e6 * np.abs(tip.receptance)
-    low, high = (1e6 * side for side in tip.band(prediction.level))
+    low, high = tip.band(prediction.level)
+    low, high = np.maximum(1e6 * low, size / OPEN), np.minimum(high, 1e-6 * size * OPEN) * 1e6
     kind = f"{100 * prediction.level:g} % band" + ("" if len(tip.drawn) else ", to first order")
     axes.fill_between(tip.frequency_hz, low, high, color=COLOURS[0], alpha=0.25, lw=0, label=kind)
     axes.plot(tip.frequency_hz, size, color=COLOURS[0], lw=1.3, label="predicted")

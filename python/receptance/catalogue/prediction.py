@@ -14,7 +14,6 @@ from receptance import _checks
 from receptance.campaign import CampaignError, predict_assembly
 from receptance.campaign.prediction import beyond_spindle, lines_between, spindle_lines
 from receptance.catalogue.building import Catalogue
-from receptance.catalogue.modes import line_modes
 from receptance.catalogue.rows import ToolRow
 from receptance.errors import ReceptanceError
 from receptance.fit import Identification, PredictedFRF
@@ -23,6 +22,7 @@ from receptance.frf import FRF
 from receptance.frf.plausibility import check_drive_point, low_frequency_rise
 from receptance.model.assembly import Assembly
 from receptance.model.terminals import MeasuredPart
+from receptance.report import ACCEPTED, Rejection
 
 _LINES = 2000
 """Number of lines if neither a step nor a measured spindle gives them."""
@@ -47,14 +47,14 @@ class ToolPrediction:
     """`(k, 3)` standard deviations of their logarithms."""
     level: float
     """Level of the intervals."""
-    rejection: tuple[str, ...] = ()
-    """Rejection of the fit; empty if it is accepted or there is none."""
+    rejection: Rejection = ACCEPTED
+    """Rejection of the fit; false if it is accepted or there is none."""
     notes: tuple[str, ...] = ()
 
     @property
     def modes_interval(self) -> NDArray[np.float64]:
         """`(k, 3, 2)` lower and upper ends of the intervals of `modes`."""
-        reach = np.exp(confidence_multiplier(self.level, None) * self.modes_deviation)
+        reach = np.exp(confidence_multiplier(self.level, self.tip.degrees_of_freedom) * self.modes_deviation)
         return np.stack([self.modes / reach, self.modes * reach], axis=-1)
 
     @property
@@ -113,7 +113,7 @@ def predict_catalogue(
     """
     campaign = catalogue.campaign
     if identified is None and campaign.unknowns:
-        identified = campaign.identify()
+        identified = campaign.identify(profiles=())
     lines = _lines(catalogue)
     notes = _check_spindle(catalogue, lines)
 
@@ -153,20 +153,15 @@ def _predict(
     tool, notes_of_tool = catalogue.assemble(row), list(notes)
     predicted = predict_assembly(catalogue.campaign, identified, tool.site, tool.tolerances, row.name, notes_of_tool, 1)
     linear = predicted.linear(lines)
-    # Errors that all lines share make no peaks.
-    modes = line_modes(lines, linear.receptance, linear.variance if linear.independent else None)
-    slopes = modes.log_slopes(linear.slope).reshape(3 * len(modes), len(predicted.addresses))
-    deviation = predicted.scatter(slopes).total.reshape(-1, 3)
+    modes, scatter = predicted.line_modes(lines, linear)
     return ToolPrediction(
         row=row,
         assembly=predicted.assembly,
         tip=predicted.receptance(lines, draws=draws, seed=seed, linear=linear, phase=False),
         modes=modes.values,
-        modes_deviation=np.sqrt(
-            deviation**2 + modes.log_variances(linear.spindle_errors, independent=linear.independent)
-        ),
+        modes_deviation=scatter.total.reshape(-1, 3),
         level=catalogue.campaign.table.prediction.level,
-        rejection=() if identified is None else identified.rejection,
+        rejection=ACCEPTED if identified is None else identified.rejection,
         notes=tuple(notes_of_tool),
     )
 

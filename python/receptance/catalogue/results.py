@@ -19,13 +19,16 @@ from receptance._files import check_target, inert, write_whole
 from receptance.campaign import Campaign
 from receptance.catalogue.prediction import ToolPrediction
 from receptance.fit.covariance import UNINFORMATIVE
-from receptance.report import Column, Provenance, Result, Table
+from receptance.report import ACCEPTED, Column, Provenance, Rejection, Result, Table
 from receptance.report.table import Cell
 from receptance.stability import Lobes, Milling, stability_lobes
+from receptance.stability.lobes import with_rejection, without_limits
 
 _MODE_QUANTITIES = {"frequency": "Hz", "damping": "%", "dynamic stiffness": "N/um"}
 _MODE_UNITS = np.array([1.0, 1e2, 1e-6])
 """Units of the columns: natural frequency in Hz, damping ratio in percent, dynamic stiffness in N/um."""
+_NOTE = "note"
+"""Column that says why there are no numbers, or why they are widened."""
 _DEPTH_COLUMNS = (
     "name",
     "holder",
@@ -39,6 +42,7 @@ _DEPTH_COLUMNS = (
     "speed lower [rpm]",
     "speed upper [rpm]",
     "always stable [mm]",
+    _NOTE,
 )
 _ROWS = 20
 """Largest number of tools in the table of a summary."""
@@ -64,7 +68,7 @@ class ToolSummary:
     interval: NDArray[np.float64] | None
     """`(3, 2)` their intervals."""
     notes: tuple[str, ...]
-    rejection: tuple[str, ...] = ()
+    rejection: Rejection = ACCEPTED
     """As in `ToolPrediction`."""
 
 
@@ -92,9 +96,9 @@ class CatalogueSummary(Result):
     plotted_by = "receptance.catalogue.figure:draw_catalogue"
 
     @property
-    def rejection(self) -> tuple[str, ...]:
-        """Why the fit is rejected; empty if it is accepted or there is none."""
-        return tuple(dict.fromkeys(text for tool in self.tools for text in tool.rejection))
+    def rejection(self) -> Rejection:
+        """Why the fit is rejected; false if it is accepted or there is none."""
+        return sum((tool.rejection for tool in self.tools), ACCEPTED)
 
     def tables(self) -> list[Table]:
         """Return the most flexible mode of the first tools."""
@@ -154,9 +158,10 @@ def write_modes(path: Path, predictions: Iterable[ToolPrediction]) -> Iterator[T
             cells = np.column_stack([values, interval]) * _MODE_UNITS[:, None]
             teeth, most_flexible = "" if row.teeth is None else row.teeth, number == prediction.most_flexible
             numbers = [f"{cell:.6g}" for cell in cells.ravel()]
-            yield [inert(row.name), inert(row.holder), teeth, number + 1, *numbers, "yes" if most_flexible else ""]
+            flexible, note = "yes" if most_flexible else "", inert("; ".join(prediction.rejection))
+            yield [inert(row.name), inert(row.holder), teeth, number + 1, *numbers, flexible, note]
 
-    return _write_rows(path, ("name", "holder", "teeth", "mode", *columns, "most flexible"), predictions, rows)
+    return _write_rows(path, ("name", "holder", "teeth", "mode", *columns, "most flexible", _NOTE), predictions, rows)
 
 
 def _write_rows(
@@ -198,6 +203,8 @@ def tool_lobes(prediction: ToolPrediction, campaign: Campaign, cut: str) -> Lobe
     settings = campaign.table.stability
     (chosen,) = campaign.select_cuts([cut])
     chosen = chosen.with_tool(prediction.row.teeth, prediction.row.diameter)
+    if prediction.rejection.unusable:
+        return chosen.label(without_limits(chosen.cut, campaign.spindle_speeds(), prediction.rejection))
     identity = np.eye(2 if isinstance(chosen.cut, Milling) else 1)
     lobes = stability_lobes(
         chosen.cut,
@@ -207,9 +214,8 @@ def tool_lobes(prediction: ToolPrediction, campaign: Campaign, cut: str) -> Lobe
         draws=prediction.tip.drawn[:, :, None, None] * identity,
         cuts=chosen.drawn(len(prediction.tip.drawn), settings.seed),
     )
-    rejection = (*prediction.rejection, *lobes.rejection)
     probability = None if lobes.draws is None else settings.probability
-    return replace(chosen.label(lobes), probability=probability, rejection=rejection)
+    return with_rejection(replace(chosen.label(lobes), probability=probability), prediction.rejection)
 
 
 def write_depths(
@@ -224,12 +230,16 @@ def write_depths(
         lobes = tool_lobes(prediction, campaign, cut)
         limits = dict(zip(lobes.speeds_rpm.tolist(), lobes.depth.tolist(), strict=True))
         teeth = getattr(lobes.cut, "teeth", "")
+        note = inert("; ".join(lobes.rejection))
+        if not lobes.best_cuts:
+            empty = [""] * (len(_DEPTH_COLUMNS) - 5)
+            yield [*map(inert, (prediction.row.name, prediction.row.holder)), teeth, inert(lobes.name), *empty, note]
         for rank, best in enumerate(lobes.best_cuts):
             values = (best.speed_rpm, 1e3 * best.depth, best.probability, 1e3 * limits[best.speed_rpm])
             ends = (best.lowest_rpm, best.highest_rpm, 1e3 * float(np.min(lobes.certain_depth)))
             cells = [f"{value:.6g}" for value in (*values, *ends)]
             name, holder, cut_name = map(inert, (prediction.row.name, prediction.row.holder, lobes.name))
-            yield [name, holder, teeth, cut_name, rank + 1, *cells]
+            yield [name, holder, teeth, cut_name, rank + 1, *cells, note]
 
     return _write_rows(path, _DEPTH_COLUMNS, predictions, rows)
 

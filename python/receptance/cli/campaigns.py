@@ -139,10 +139,19 @@ def schema(
 def identify(
     file: CampaignFile,
     targets: Targets,
+    profile: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--profile",
+            metavar="ADDRESS",
+            help="Unknown with an interval from its profile likelihood; may be repeated. By default those of the "
+            "joints, if they take less time than the fit.",
+        ),
+    ] = None,
     seed: NewSeed = None,
 ) -> None:
     """Identify the unknown parameters of a campaign, with intervals."""
-    read, result = run_on_campaign(file, targets, lambda read: read.identify(), seed)
+    read, result = run_on_campaign(file, targets, lambda read: read.identify(profile or None), seed)
     targets.show(result, read.tables(), profiles=None if result.profiled is None else result.profiled.plot)
     targets.require(not result.advice)
 

@@ -38,7 +38,7 @@ def story(verdict: Verdict) -> Iterator[tuple[str, ...]]:
         "The data are those of a finite-element model that shares no code with this program. A sensor of 2 g sits on "
         "the tip, and the campaign does not state it. Overhangs of 40 and 55 mm are fitted, 70 mm is held out.",
     )
-    yield ("1. Joint without the sensor:", *_joint(verdict.base))
+    yield ("1. Joint without the sensor:", *_joint(verdict.base_fit.identification))
     yield (f"   {_residuals(verdict.adequacy.misfit)}. {_prediction(verdict, after=False)}",)
     if verdict.extended is None or verdict.adequacy_after is None:
         yield (f"2. {verdict.verdict}: no cause was found.",)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,6 +16,7 @@ from receptance.coupling.spindle_modes import SpindleModes
 from receptance.coupling.spindle_receptance import SpindleReceptance
 from receptance.model.joints import PointJoint
 from receptance.model.terminals import ENTRIES
+from receptance.report import ACCEPTED, Rejection
 from receptance.report.figure import (
     BAD,
     COLOURS,
@@ -130,7 +130,7 @@ def draw_spindle(
     ax: Axes | None = None,
     *,
     modes: SpindleModes | None = None,
-    rejection: Sequence[str] = (),
+    rejection: Rejection = ACCEPTED,
 ) -> Figure:
     """Draw the three terms with bands, modes over them, and the condition number."""
     figure = surface(ax, 11.0, 8.5)

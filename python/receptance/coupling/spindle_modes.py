@@ -22,6 +22,9 @@ from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.terminals import DISCREPANCY_WIDTH, RESIDUALS, ModalPart, Mode
 
+POOR = 2.0
+"""Rms of the residuals, in standard deviations, above which modes describe a spindle poorly. Smaller errors of a few
+modes with viscous damping are in their `discrepancy`."""
 _LOWEST_START = 0.02
 """Lowest damping ratio of a starting mode: a narrower mode cannot move away from a peak of noise."""
 _HIGHEST_DAMPING = 0.3
@@ -165,14 +168,14 @@ def fit_spindle(
     low, high = (float(np.asarray(spindle.frequency_hz).real[i]) for i in (0, -1))
     coupled, errors = _coupled(observed, start), tuple(tolerances)
     unknowns = _unknowns(start, high)
-    fit = identify(coupled, unknowns, starts=1, tolerances=errors, threads=threads)
-    if fit.rejection:
+    fit = identify(coupled, unknowns, starts=1, tolerances=errors, threads=threads, noise="stated")
+    if not fit.converged or fit.rms > POOR:
         # Modes with real shapes first: a complex one may leave its peak and become a background of all lines.
         real = [unknown for unknown in unknowns if not unknown.address.endswith("_imaginary")]
-        first = identify(_coupled(observed, _with_real_shapes(start)), real, starts=1, threads=threads)
+        first = identify(_coupled(observed, _with_real_shapes(start)), real, starts=1, threads=threads, noise="stated")
         values = {unknown.address: first.values.get(unknown.address, 0.0) for unknown in unknowns}
         started = [replace(unknown, start=values[unknown.address]) for unknown in unknowns]
-        again = identify(coupled, started, starts=1, tolerances=errors, threads=threads)
+        again = identify(coupled, started, starts=1, tolerances=errors, threads=threads, noise="stated")
         fit = min(fit, again, key=lambda each: each.rms)
     fitted = {address: f"{name}.{address}" for address in start.addresses}
     part = start.with_values({own: fit.values[address] for own, address in fitted.items() if address in fit.values})
@@ -199,7 +202,7 @@ def _covariance(fit: Identification, part: ModalPart) -> NDArray[np.float64]:
     columns = [order.index(names[i]) for i in rows]
     values = np.array([fit.values[names[i]] for i in rows])
     logarithmic = np.array([fit.unknowns[column].scale == "log" for column in columns])
-    slope = np.where(logarithmic, values * np.log(10.0), 1.0) * max(fit.rms / fit.noise_factor, 1.0)
+    slope = np.where(logarithmic, values * np.log(10.0), 1.0) * max(fit.rms, 1.0)
     result = np.zeros((len(names), len(names)))
     result[np.ix_(rows, rows)] = np.asarray(fit.covariance)[np.ix_(columns, columns)] * np.outer(slope, slope)
     return result

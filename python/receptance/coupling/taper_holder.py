@@ -273,7 +273,7 @@ def fit_taper(
         Unknown(address=address, lower=_BOUNDS[name[0]][0], upper=_BOUNDS[name[0]][1], start=values[name])
         for name, address in addresses.items()
     ]
-    fit = identify(observed, unknowns, strategy="staged" if start is None else "direct", starts=1)
+    fit = identify(observed, unknowns, strategy="staged" if start is None else "direct", starts=1, noise="stated")
     fitted = {name: fit.values[address] for name, address in addresses.items()}
     errors = {name: fit.standard_errors[address] for name, address in addresses.items()}
     intervals = {name: fit.interval(address) for name, address in addresses.items()}

@@ -13,15 +13,15 @@ from dataclasses import replace
 from functools import partial
 
 from receptance.diagnosis.causes import Cause, Step, extend
-from receptance.diagnosis.discrepancy import Discrepancy, DiscrepancyFit, fit_discrepancy
 from receptance.diagnosis.explanation import Explanation, Selection, best_of_each
-from receptance.diagnosis.fitting import in_parallel, refit
+from receptance.diagnosis.fitting import DiscrepancyFit, fit_discrepancy, in_parallel, refit
 from receptance.diagnosis.model import Model, UndecidableError
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import detection_threshold
 from receptance.diagnosis.selection import Search, select
 from receptance.diagnosis.thresholds import DISCREPANCY_CAUSES, DISCREPANCY_SELECTIONS, LEADING_CAUSES
 from receptance.errors import ReceptanceError
+from receptance.fit.discrepancy import Discrepancy
 
 _Own = dict[tuple[Step, ...], DiscrepancyFit]
 """Fits with a discrepancy of their own, by causes and variants."""

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from receptance.diagnosis.discrepancy import in_antiresonance
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import (
@@ -21,10 +20,10 @@ from receptance.diagnosis.thresholds import (
     BIAS_CONFIGURATIONS,
     CIRCLE_WIDTHS,
     LEAST_BIAS,
-    NOISIEST_LINE,
-    SAME_MODE,
 )
 from receptance.errors import ReceptanceWarning
+from receptance.fit.discrepancy_fit import SAME_MODE
+from receptance.fit.line_selection import NOISIEST_LINE, in_antiresonance
 from receptance.fit.observation import Observation
 from receptance.frf import FRF
 from receptance.modal import ModeEstimate, circle_fit, find_peaks

@@ -13,10 +13,9 @@ from receptance.diagnosis.advice import advise
 from receptance.diagnosis.beside_discrepancy import select_beside
 from receptance.diagnosis.catalogue import resolve_causes
 from receptance.diagnosis.causes import Cause, Step, extend
-from receptance.diagnosis.discrepancy import fit_discrepancy, resonant
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.findings import CandidateCause
-from receptance.diagnosis.fitting import refit
+from receptance.diagnosis.fitting import fit_discrepancy, refit, sufficient
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, count_folds, cross_validate
 from receptance.diagnosis.judgement import Judgement, conclude
 from receptance.diagnosis.line_selection import select_lines
@@ -206,7 +205,7 @@ def _beside_discrepancy(
     """
     first, base = verdict.selection, None
     try:
-        base = fit_discrepancy(replace(resonant(first.base.model), threads=threads), first.base.values)
+        base = fit_discrepancy(replace(first.base.model.resonant(), threads=threads), first.base.values)
         selection, base = select_beside(base, first, catalogue, report)
         judgement = conclude(selection)
         known = None if selection.interrupted else _fitted_to_the_noise(first, selection.best)
@@ -225,7 +224,8 @@ def _beside_discrepancy(
         repeated = _verdict(again, conclude(again), most, line_notes, report)
         if repeated.verdict != "unexplained":
             return repeated
-    unexplained = replace(verdict, discrepancy=base.discrepancy, base_fit=base.fit)
+    posterior = sufficient(base)
+    unexplained = replace(verdict, discrepancy=posterior.discrepancy, base_fit=posterior.fit)
     if first.base.misfit < BEYOND_NOISE:
         return unexplained
     notes = tuple(dict.fromkeys((*verdict.notes, *judgement.notes)))

@@ -7,13 +7,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from receptance.diagnosis.adequacy import Adequacy, misfit_limit
 from receptance.diagnosis.causes import Cause, Parameter, Step, parameters_of
-from receptance.diagnosis.discrepancy import Discrepancy, DiscrepancyFit
-from receptance.diagnosis.fitting import Fit
+from receptance.diagnosis.fitting import DiscrepancyFit, Fit
 from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.screening import Direction
 from receptance.diagnosis.thresholds import BEHIND, BEHIND_SHARE, SINGLES_HELD_OUT
+from receptance.fit.adequacy import Adequacy, misfit_limit
+from receptance.fit.discrepancy import Discrepancy
 
 
 @dataclass(frozen=True, eq=False)

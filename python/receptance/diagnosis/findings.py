@@ -9,17 +9,18 @@ from typing import Any, Self
 
 import numpy as np
 
-from receptance.diagnosis.adequacy import Adequacy
 from receptance.diagnosis.averaging import AveragedAssembly
 from receptance.diagnosis.by_mode import Bias, ModeResidual, residuals_by_mode, residuals_of_frequencies
 from receptance.diagnosis.causes import Parameter
-from receptance.diagnosis.discrepancy import Discrepancy
 from receptance.diagnosis.explanation import Explanation, Selection
-from receptance.diagnosis.fitting import Fit
+from receptance.diagnosis.fitting import Fit, fit_discrepancy, sufficient
 from receptance.diagnosis.held_out import Gain, Improvement, doubt_prediction
 from receptance.diagnosis.judgement import Answer
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.wording import sizes, title_of
+from receptance.errors import ReceptanceError
+from receptance.fit.adequacy import Adequacy
+from receptance.fit.discrepancy import Discrepancy
 from receptance.fit.parameters import Site
 from receptance.fit.result import Identification
 from receptance.fit.unknowns import Tolerance
@@ -164,10 +165,20 @@ class Findings:
         """Adequacy of the best of the reported explanations; None beside a discrepancy, with which every fit is."""
         return None if self.explanation is None or self.discrepancy is not None else self.explanation.adequacy
 
-    @property
+    @cached_property
     def base(self) -> Identification:
-        """The fitted base; its intervals include the discrepancy, if there is one."""
-        return self.base_fit.identification
+        """The fitted base as `identify` states it: where it is not adequate, its intervals include the discrepancy."""
+        fit, discrepancy = self.base_fit, self.discrepancy
+        if discrepancy is None and not self.adequacy.passed and fit.converged:
+            try:
+                found = sufficient(fit_discrepancy(fit.model.resonant(), fit.values))
+            except ReceptanceError:
+                return fit.identification
+            fit, discrepancy = found.fit, found.discrepancy
+        identification = fit.identification
+        if discrepancy is None:
+            return identification
+        return replace(identification, task=replace(identification.task, discrepancy=discrepancy))
 
     @property
     def extended(self) -> Identification | None:
@@ -251,12 +262,14 @@ class Findings:
         AveragedAssembly
             With the attribute `assembly` and the method `natural_frequencies`.
         """
-        left = self.discrepancy_after or self.discrepancy
+        left, identified = self.discrepancy_after or self.discrepancy, self.extended or self.base
         relative = np.inf if self.verdict == "unexplained" else 0.0
+        if identified.discrepancy is not None:
+            left, relative = None, 0.0  # its predictions have the discrepancy
         return AveragedAssembly(
             self.selection,
             self.explanation,
-            self.extended or self.base,
+            identified,
             Site(assembly, configuration, "", conditions or {}),
             tolerances,
             relative if left is None else left.frequency,

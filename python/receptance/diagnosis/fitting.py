@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance import _core
-from receptance.diagnosis.adequacy import Adequacy, Strain, judge, strain_of
 from receptance.diagnosis.line_selection import on_few_lines, thin
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import (
@@ -29,11 +28,13 @@ from receptance.diagnosis.thresholds import (
     EVALUATIONS_EXPLORING,
     EVALUATIONS_OF_BASE,
     EVALUATIONS_OF_START,
-    MISFIT_LIMIT,
     SAME_END,
     TOLERANCE_OF_BASE,
 )
 from receptance.errors import ReceptanceError
+from receptance.fit import discrepancy_fit
+from receptance.fit.adequacy import MISFIT_LIMIT, Adequacy, Strain, judge, strain_of
+from receptance.fit.discrepancy import Discrepancy
 from receptance.fit.identification import conclude
 from receptance.fit.problem import End, InfeasibleError, Problem, Task
 from receptance.fit.result import Identification
@@ -101,7 +102,7 @@ class Fit:
         """Agreement with the data."""
         has_priors = any(unknown.prior is not None for unknown in self.task.parameters.unknowns)
         strain = strain_of(self.task, self.residual, self.curvature_root) if has_priors else Strain()
-        return judge(self.task, self.parts, self.chi_square, self.expected_chi_square, strain)
+        return judge(self.model.observations, self.parts, self.chi_square, self.expected_chi_square, strain)
 
     @cached_property
     def curvature_root(self) -> NDArray[np.float64]:
@@ -211,6 +212,49 @@ def refit(model: Model, start: Mapping[str, float], *, evaluations: int = 0) -> 
         raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {problem.reason(end.x)}")
     regained = 2.0 * (end.first - end.cost)
     return Fit(model, end.x, 2.0 * end.cost, end.converged, evaluations + end.evaluations, regained)
+
+
+@dataclass(frozen=True, eq=False)
+class DiscrepancyFit:
+    """A fit that allows for the discrepancy of its model."""
+
+    model: Model
+    """The model, with the standard deviations of the noise."""
+    found: discrepancy_fit.DiscrepancyFit
+    """Discrepancy and fit as those of a task."""
+
+    @property
+    def discrepancy(self) -> Discrepancy:
+        """The discrepancy, estimated with the fit."""
+        return self.found.discrepancy
+
+    @property
+    def deviance(self) -> float:
+        """As of the fit of the task."""
+        return self.found.deviance
+
+    @property
+    def errors(self) -> int:
+        """Number of errors of modes."""
+        return self.found.errors
+
+    @cached_property
+    def fit(self) -> Fit:
+        """The fit."""
+        end = self.found.end
+        model = self.model.allow(self.discrepancy)
+        regained = 2.0 * (end.first - end.cost)
+        return Fit(model, end.x, 2.0 * end.cost, end.converged, end.evaluations, regained)
+
+
+def fit_discrepancy(model: Model, start: Mapping[str, float]) -> DiscrepancyFit:
+    """Return the fit of a model that allows for its discrepancy, from values of unknowns by name."""
+    return DiscrepancyFit(model, discrepancy_fit.fit_discrepancy(model.task, _vector(model.task, start)))
+
+
+def sufficient(fit: DiscrepancyFit) -> DiscrepancyFit:
+    """Return the fit with the smallest discrepancy that explains residuals and errors of the tolerances."""
+    return replace(fit, found=discrepancy_fit.sufficient(fit.model.task, fit.found))
 
 
 def continued(fit: Fit) -> Fit:

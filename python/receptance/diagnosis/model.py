@@ -9,6 +9,8 @@ from functools import cached_property
 from typing import Any
 
 from receptance.diagnosis.truncation import truncation_time
+from receptance.fit.discrepancy import Discrepancy
+from receptance.fit.line_selection import resonant_lines
 from receptance.fit.observation import Observation, Unit, altered
 from receptance.fit.parameters import Parameters, Site
 from receptance.fit.problem import Problem, Task
@@ -219,6 +221,15 @@ class Model:
         """Return the model with every observation changed."""
         observations, witnesses = (tuple(change(one) for one in own) for own in (self.observations, self.witnesses))
         return replace(self, observations=observations, witnesses=witnesses)
+
+    def allow(self, discrepancy: Discrepancy) -> Model:
+        """Return the model with observations, witnesses included, whose variance includes a discrepancy."""
+        observations = discrepancy.allow(self.observations, self.configuration_of)
+        return replace(self, observations=observations, witnesses=tuple(map(discrepancy.enlarge, self.witnesses)))
+
+    def resonant(self) -> Model:
+        """Return the model on few lines of each receptance, without those of antiresonances."""
+        return replace(self, observations=resonant_lines(self.observations, self.configuration_of))
 
     def of(self, configurations: Collection[str]) -> tuple[Observation, ...]:
         """Return the observations of some configurations."""

@@ -13,7 +13,8 @@ from receptance.diagnosis.findings import CandidateCause, Findings
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Gain
 from receptance.diagnosis.held_out_curves import held_out_curves
 from receptance.diagnosis.thresholds import MARGIN
-from receptance.diagnosis.wording import capital, names, odds, share, size_texts, times
+from receptance.diagnosis.wording import capital, names, odds, share, size_texts
+from receptance.fit.adequacy import times
 from receptance.fit.result import Identification
 from receptance.report import Column, Fact, PageSection, Table
 from receptance.report.table import Cell, amount, amount_interval, number, percent

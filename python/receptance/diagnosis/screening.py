@@ -20,7 +20,6 @@ from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.tangents import slopes_of
 from receptance.diagnosis.thresholds import (
-    CHANCE,
     CHANCE_DRAWS,
     COLUMNS_TOGETHER,
     DEPENDENT,
@@ -28,6 +27,7 @@ from receptance.diagnosis.thresholds import (
     OTHER_QUANTITY,
     VARIANTS_FITTED,
 )
+from receptance.fit.adequacy import CHANCE
 from receptance.fit.covariance import square_root
 
 

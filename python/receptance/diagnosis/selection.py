@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from receptance import _checks
 from receptance.diagnosis.alternatives import ALTERNATIVES
 from receptance.diagnosis.causes import Cause, Step, extend
-from receptance.diagnosis.discrepancy import Discrepancy
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
 from receptance.diagnosis.fitting import (
     Exploration,
@@ -53,7 +52,6 @@ from receptance.diagnosis.thresholds import (
     LEAST_SHARE,
     LOOK_ALIKE,
     MARGIN,
-    MISFIT_LIMIT,
     PREDICTED_SHARE,
     ROOTS,
     SCREENING_LIMIT,
@@ -61,6 +59,8 @@ from receptance.diagnosis.thresholds import (
     VARIANTS_AGAIN,
 )
 from receptance.errors import ReceptanceError
+from receptance.fit.adequacy import MISFIT_LIMIT
+from receptance.fit.discrepancy import Discrepancy
 
 _T = TypeVar("_T")
 
@@ -96,7 +96,7 @@ def select(
     """
     report = progress or Progress()
     began = perf_counter()
-    model = model if discrepancy is None else discrepancy.allow(model)
+    model = model if discrepancy is None else model.allow(discrepancy)
     try:
         base = fit_levels(model, partial(report, "base")) if known is None else refit(model, known.fit.values)
         interrupted = False

@@ -10,13 +10,6 @@ import math
 
 # Lines of measured receptances.
 
-NOISIEST_LINE = 0.12
-"""Largest standard deviation of the logarithm of a line that is used. Above it the logarithm is not normal: it has long
-tails, which heavily damped modes and other wrong changes can fit."""
-SHARED_LOSS = 0.1
-"""Largest share of its lines that a record may lose so that all records of its configuration use the same lines."""
-FEWEST_LINES = 16
-"""Smallest number of lines of a receptance that is used."""
 EXPLORING_LINES = 120
 """Lines of each receptance while starts of fits are compared."""
 
@@ -54,21 +47,8 @@ WORSE_LEVEL = 1.5
 
 # Adequacy.
 
-MISFIT_LIMIT = 1.25
-"""Misfit up to which a model is adequate: estimates of the noise are not better than that."""
 LEAST_FREEDOM = 3
 """Fewest degrees of freedom that judge a model: with two, a misfit of 6.9 passes the test at `CHANCE`."""
-CHANCE = 1e-3
-"""Probability with which noise alone exceeds a limit of the adequacy test, and the best evidence by chance the
-detection threshold. It is small because the threshold holds to first order and for noise of known size: of 150 virtual
-diagnoses without a hidden cause five exceeded that of the probability 0.01."""
-BLOCK_LINES = 8
-"""Neighbouring lines whose residuals are added: noise averages out, an error of the model does not."""
-OBSERVABLE_VARIANCE = 0.05
-"""Share of the prior variance that the data must remove before the error of a tolerance is tested."""
-MISFIT_BANDS = 24
-"""Frequency bands of each receptance among which the largest misfit is located."""
-
 # Screening to first order.
 
 CHANCE_DRAWS = 20000
@@ -132,28 +112,10 @@ LEAST_SHARE = 0.5
 BEYOND_NOISE = 4.0
 """Misfit of the base from which a cause is reported beside a discrepancy: the errors of the model are twice the noise.
 Beside smaller errors foreign effects have been reported as causes."""
-DISCREPANCY_LINES = 300
-"""Lines of each receptance of fits that allow for a discrepancy."""
-DISCREPANCIES = (1e-4, 0.3)
-"""Smallest and largest standard deviation of an error."""
-LEAST_FACTOR = 0.5
-"""Least ratio of the discrepancy of an explanation to the one that its fit allows for."""
-MIXED_MODEL_STEPS = 60
-MIXED_MODEL_CHANGE = 0.02
-"""Most steps of the estimate of the standard deviations, and the change of the logarithm of a variance that ends it."""
 DISCREPANCY_SELECTIONS = 3
 """Most selections beside a discrepancy, each with the one that is left with the best cause of the selection before."""
 DISCREPANCY_CAUSES = 8
 """Causes whose own discrepancy is estimated after each selection."""
-DISCREPANCY_ROUNDS = 6
-"""Most repetitions of the estimate and of the fit."""
-DIP_WIDTH = 0.08
-DIP_RATIO = 2.0
-"""A line is in an antiresonance if receptances within this relative distance on both sides are larger by this ratio."""
-MODE_PROMINENCE = math.log(4.0)
-MODE_NOISE = 10.0
-"""Least prominence of the peak of a mode in the logarithm of the mobility: absolute, and as a multiple of the noise."""
-
 # The verdict.
 
 ONE_CONFIGURATION = 0.97
@@ -162,7 +124,7 @@ STRAIN_CHANCE = 1e-2
 """Probability of the strain of the tolerances below which a cause is suspected only: a wrong cause leaves an effect
 that the tolerances absorb."""
 LISTED = 3
-"""Number of vetoed causes, and of strained tolerances, that are listed."""
+"""Number of vetoed causes that are listed."""
 LOOK_ALIKE = 0.9
 """Cosine between the effects of two causes from which they are listed as look-alikes."""
 
@@ -186,8 +148,6 @@ FOLDS = 4
 """Most folds; each repeats the choice among the leading explanations."""
 SINGLES_HELD_OUT = 8
 """Causes whose own improvement is measured in each fold, the highest evidence first."""
-SAME_MODE = 0.06
-"""Relative difference of two peak frequencies up to which they are the same mode."""
 CIRCLE_WIDTHS = 4.0
 """Half-power widths on each side of a peak over which a circle is fitted."""
 BIAS_CONFIGURATIONS = 3

@@ -129,8 +129,3 @@ def share(before: float, after: float, noise: float = 1.0) -> str:
         return ""
     percent = 100.0 * min(max((before - after) / (before - noise), 0.0), 1.0)
     return "> 99 %" if 99.0 < percent < 99.99 else f"{percent:.0f} %"
-
-
-def times(misfit: float) -> str:
-    """Return the root mean square of residuals relative to their expectation."""
-    return amount(math.sqrt(misfit))

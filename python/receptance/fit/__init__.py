@@ -11,7 +11,7 @@
        v
     identification -> result               identify -> Identification: values, covariance, residuals, advice
        |-- likelihood, sampling            constrained fits, profiles, intervals, draws from the posterior
-       `-- predictor -> prediction         Predictor: other assemblies, with intervals and draws (peaks)
+       `-- predictor -> prediction         Predictor: other assemblies, with intervals and draws (peaks, line_modes)
 """
 
 import lazy_loader

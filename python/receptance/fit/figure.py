@@ -73,8 +73,7 @@ def draw_identification(fit: Identification, ax: Axes | None = None) -> Figure:
         draw_curves(top, lines, seen.receptance, model, "fitted")
         low, high = top.get_ylim()
         top.set_ylim(low, 30.0 * high)
-        # As stated: the fit may have used more, and predictions show the stated noise as well.
-        noise = None if seen.standard_deviation is None else seen.standard_deviation / fit.noise_factor
+        noise = seen.standard_deviation
         legend_with_noise(top, noise)
         ratio = np.log(np.abs(seen.receptance / model))
         draw_ratio(bottom, "measured over\nfitted (dB)", lines, ratio, None, noise)

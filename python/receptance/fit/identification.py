@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Literal, TypedDict
 
@@ -14,19 +14,22 @@ from scipy import special
 from receptance import _checks
 from receptance._text import first_of
 from receptance.errors import ReceptanceError, warn_user
+from receptance.fit.adequacy import Adequacy, adequacy_of, misfit_limit, strain_of
 from receptance.fit.covariance import covariance_of, variance_factor
+from receptance.fit.discrepancy import Discrepancy
+from receptance.fit.discrepancy_fit import DiscrepancyFit, expected_chi_square, fit_discrepancy, sufficient
 from receptance.fit.observation import Observation, Unit, as_observations
 from receptance.fit.parameters import Parameters
 from receptance.fit.peaks import check_bands
-from receptance.fit.problem import Problem, Task
+from receptance.fit.problem import End, Problem, Task
 from receptance.fit.result import Identification
 from receptance.fit.search import Start, fit_direct, fit_staged
 from receptance.fit.spindle_errors import has_spindle_errors, with_spindle_errors
 from receptance.fit.unknowns import Tolerance, Unknowns, Variables, as_unknowns
-from receptance.report import Provenance
+from receptance.report import Provenance, Rejection
 
 Objective = Literal["log", "percentage"]
-Noise = Literal["scaled", "stated"]
+Noise = Literal["judged", "stated"]
 Strategy = Literal["direct", "staged"]
 
 
@@ -46,12 +49,6 @@ class FitKeywords(TypedDict, total=False):
 
 _SMOOTHING_PERCENT = 0.1
 """The cost is the absolute value of percentages well above this, and the square of those below."""
-_MAX_RESCALINGS = 10
-"""Largest number of fits with rescaled standard deviations."""
-_CHI_SQUARE_TOLERANCE = 0.05
-"""Relative tolerance of chi-square after rescaling."""
-_MAX_SLOPE = -0.3
-"""Largest slope of log chi-square over the log of the factor in a secant step."""
 _TIED = 0.99
 """Least correlation of two parameters that are reported as tied."""
 _AT_BOUND = 1e-3
@@ -60,10 +57,12 @@ _SAME = 0.2
 """Ends that differ by less than this many standard errors are one optimum."""
 _SMALL_PROBABILITY = 1e-3
 """Standard deviations are reported as too large below this probability of so small a chi-square."""
-_LARGE_PROBABILITY = 0.01
-"""Data and model are contradictory below this probability of so large a chi-square."""
-_UNEXPLAINED = 2.0
-"""Residuals are reported as unexplained above this rms, in standard deviations, and as too small below its inverse."""
+_RESTARTS = 2
+"""Largest number of restarts from the end of a fit that allows for a discrepancy."""
+_BETTER = 0.01
+"""Decrease of the cost from which on an end is another optimum."""
+_OVERFIT = 0.5
+"""Residuals are reported as too small below this rms, in standard deviations."""
 
 
 def identify(
@@ -80,7 +79,7 @@ def identify(
     threads: int | None = None,
     tolerances: Tolerance | Sequence[Tolerance] = (),
     strategy: Strategy = "direct",
-    noise: Noise = "scaled",
+    noise: Noise = "judged",
 ) -> Identification:
     """Identify parameters of assemblies from measured receptances and natural frequencies.
 
@@ -129,14 +128,14 @@ def identify(
         peaks as natural frequencies, then data and model with added damping that is reduced step by step, then the
         problem itself. It finds the global optimum from starts that are decades off, and one start is usually enough.
         Only with the objective "log".
-    noise : {"scaled", "stated"}, optional
-        "scaled": with tolerances or individual parts, chi-square (priors included) is compared with its distribution.
-        If it is significantly large at the 1 % level, the model or the standard deviations are wrong. Then all standard
-        deviations are multiplied by one factor that brings chi-square to its expectation (Paule and Mandel 1982), so
-        that data that contradict the model do not overrule the tolerances.
+    noise : {"judged", "stated"}, optional
+        "judged": with standard deviations, the fit is tested as `receptance.diagnosis.diagnose` does: residuals, sums
+        of neighbouring ones, and the errors of the tolerances, see `Identification.adequacy`. Where the model is not
+        adequate, the fit is repeated with the discrepancy of the model in the likelihood, so that data that contradict
+        the model do not overrule the tolerances: values, covariance and all predictions are those of this fit.
 
-        "stated": the standard deviations are used as they are. Fits whose evidence is compared must have the same
-        noise, see `log_evidence`.
+        "stated": the standard deviations are used as they are, and intervals of a model that is not adequate are too
+        narrow. Fits whose evidence is compared must have this noise, see `log_evidence`.
 
     Returns
     -------
@@ -220,30 +219,65 @@ def identify(
         notes += more
         task = replace(task, observed=observed)
         result = fit(task, task.problem())
-    # The priors of fitted errors are residuals, so chi-square has as many degrees of freedom as there are independent
-    # numbers minus unknowns without a prior.
-    left = task.independent_values - free
-    if noise == "stated" or not parameters.errors or not contradicts(_chi_square(result), left):
-        return result
-    # Secant steps for the logarithm of chi-square over that of the factor.
-    factor, slope = 1.0, -2.0
-    for _ in range(_MAX_RESCALINGS):
-        ratio = _chi_square(result) / left
-        if abs(ratio - 1.0) < _CHI_SQUARE_TOLERANCE:
+    return result if noise == "stated" else _judged(result, max_evaluations, tolerance)
+
+
+def _judged(fit: Identification, most: int, tolerance: float) -> Identification:
+    """Return a fit with an adequate model, or the fit repeated with the discrepancy of its model.
+
+    Fits that allow for a discrepancy have fewer local minima: the fit without it is tried again from their end.
+    """
+    for _ in range(_RESTARTS + 1):
+        if fit.adequacy is None or fit.adequacy.passed:
+            return fit
+        task = fit.task.resonant
+        try:
+            found = fit_discrepancy(task, fit.vector)
+        except ReceptanceError:
+            return fit
+        problem = fit.task.problem()
+        end = problem.fit_one(found.end.x, most, tolerance=tolerance)
+        if not end.cost < min(run.cost for run in fit.starts) - _BETTER:
             break
-        last = (factor, ratio)
-        factor = max(factor * ratio ** (-1.0 / slope), 1.0)
-        rescaled = task.noisier(factor)
-        result = fit(rescaled, rescaled.problem(smoothing=smoothing))
-        if factor != last[0]:
-            slope = math.log(max(_chi_square(result) / left, 1e-9) / last[1]) / math.log(factor / last[0])
-            slope = min(max(slope, -2.0), _MAX_SLOPE)
-    return result
+        runs = [*fit.starts, _start_of(problem, fit, end)]
+        fit = conclude(fit.task, problem, runs, loss=None, seed=fit.seed, notes=list(fit.notes))
+    return _beside_discrepancy(fit, task, found)
 
 
-def _chi_square(fit: Identification) -> float:
-    """Return the sum of squares of residuals and priors at the best end."""
-    return 2.0 * min(run.cost for run in fit.starts)
+def _beside_discrepancy(fit: Identification, task: Task, found: DiscrepancyFit) -> Identification:
+    """Return the fit repeated with a discrepancy that is sufficient."""
+    with suppress(ReceptanceError):
+        found = sufficient(task, found)
+    notes = [*fit.notes, *_discrepancy_notes(fit.task, found.discrepancy)]
+    problem = found.task.problem()
+    run = _start_of(problem, fit, found.end)
+    again = conclude(
+        found.task, problem, [run], loss=None, seed=fit.seed, notes=notes, adequacy=fit.adequacy, searched=fit.starts
+    )
+    return replace(again, starts=fit.starts)
+
+
+def _discrepancy_notes(task: Task, discrepancy: Discrepancy) -> list[str]:
+    """Return notes on what the discrepancy does not include."""
+    if discrepancy.relative is not None:
+        return []
+    return [
+        "only natural frequencies were measured, so the error of the model in the level of FRFs is unknown, and bands "
+        "of FRFs and depths of cut do not include it: measure an FRF"
+    ]
+
+
+def _start_of(problem: Problem, fit: Identification, end: End) -> Start:
+    """Return a fit that began at the values of another one."""
+    return Start(
+        start=fit.values,
+        values=problem.named(end.x),
+        variables=end.x,
+        cost=end.cost,
+        evaluations=end.evaluations,
+        converged=end.converged,
+        message=end.message,
+    )
 
 
 def _units(observed: Sequence[Observation], objective: Objective) -> list[Unit]:
@@ -284,14 +318,23 @@ def conclude(
     loss: float | None,
     seed: int,
     notes: list[str],
+    adequacy: Adequacy | None = None,
+    searched: Sequence[Start] | None = None,
 ) -> Identification:
-    """Return the result of the best run."""
+    """Return the result of the best run.
+
+    `adequacy` is that of the fit with the stated standard deviations where this one allows for a discrepancy, and
+    `searched` are the starts of that fit.
+    """
     variables, observed = problem.variables, task.observed
     weighted, bounded = "standard deviations" in task.units, has_spindle_errors(observed)
     count = len(variables.unknowns)
     best = min(runs, key=lambda run: run.cost)
-    inverse, correlation = covariance_of(problem.curvature_root(best.variables))
+    root = problem.curvature_root(best.variables)
+    inverse, correlation = covariance_of(root)
     residual = problem.value(best.variables)
+    if weighted and adequacy is None:
+        adequacy = adequacy_of(task, residual, root)
     factor = 1.0 if weighted else variance_factor(residual, count, loss)
     # Infinite elements stay infinite if the factor is zero.
     covariance = np.full_like(inverse, np.inf)
@@ -299,9 +342,12 @@ def conclude(
         np.multiply(inverse, factor, out=covariance, where=np.isfinite(inverse))
     values = np.array([best.values[name] for name in variables.names])
     errors = np.sqrt(np.diag(covariance)) * variables.slopes(values)
-    # Residuals are reported in the stated standard deviations.
-    parts = [task.noise_factor * part for part in problem.parts(residual)]
-    same, elsewhere = _count_optima(runs, best, variables, residual.size, np.sqrt(np.diag(covariance)))
+    # Residuals are reported on all lines, in the stated standard deviations.
+    stated = problem if task.discrepancy is None else task.stated.problem()
+    parts = stated.parts(residual if stated is problem else stated.value(best.variables))
+    tried = runs if searched is None else searched
+    first = min(tried, key=lambda run: run.cost)
+    same, elsewhere = _count_optima(tried, first, variables, residual.size, np.sqrt(np.diag(covariance)))
     if not weighted and residual.size == count:
         notes.append(
             "there are as many unknowns as observed numbers, so the scatter cannot be estimated and the standard "
@@ -311,11 +357,11 @@ def conclude(
     if lost:
         notes.append(f"the model has no value at {len(lost)} of {len(runs)} starts; at the first: {lost[0].message}")
     bounds = _bound_advice(best.variables, variables, task.parameters.errors)
-    rejection = _rejection(parts, task.independent_values, task.noise_factor) if weighted else []
-    rejection += _convergence(best)
+    rejection = _rejection(adequacy, task, problem, best)
     if rejection:
         # Of an accepted fit, data may limit a value from one side only.
-        rejection += bounds
+        kind = "unusable" if rejection.unusable else "widened"
+        rejection += Rejection(**{kind: tuple(bounds)})
         bounds = []
     return Identification(
         values=dict(best.values),
@@ -324,12 +370,17 @@ def conclude(
         correlation=correlation,
         residuals=parts,
         converged=best.converged,
-        rejection=tuple(rejection),
+        adequacy=adequacy,
+        rejection=rejection,
         advice=[
             *rejection,
             # Beside the errors of a spindle, which are an upper bound, residuals are smaller than expected.
-            *(_overfit_advice(parts, task.independent_values, count) if weighted and not bounded else ()),
-            *_start_advice(runs, same, elsewhere),
+            *(
+                _overfit_advice(parts, task.independent_values, count)
+                if weighted and not (rejection or bounded)
+                else ()
+            ),
+            *_start_advice(tried, same, elsewhere),
             *bounds,
             *_covariance_advice(inverse, correlation, variables.names),
             *_copy_advice(observed),
@@ -340,6 +391,29 @@ def conclude(
         seed=seed,
         task=task,
         provenance=Provenance(seed=seed),
+    )
+
+
+def restart(fit: Identification, better: End) -> Identification:
+    """Return a fit with the objective "log" that ends at a better optimum of its problem.
+
+    Values, covariance, residuals and advice are those of the better optimum, which is one more start.
+    """
+    problem = fit.task.problem()
+    run = _start_of(problem, fit, better)
+    is_stated = fit.task.discrepancy is None
+    notes = [*fit.notes, "a profile led to a better optimum, from which the fit was restarted"]
+    again = conclude(
+        fit.task,
+        problem,
+        [*fit.starts, run] if is_stated else [run],
+        loss=None,
+        seed=fit.seed,
+        notes=notes,
+        adequacy=None if is_stated else fit.adequacy,
+    )
+    return replace(
+        again, notes=list(dict.fromkeys(again.notes)), series=fit.series, groups=fit.groups, provenance=fit.provenance
     )
 
 
@@ -356,14 +430,14 @@ def _count_optima(
     return len(same), len(as_good) - len(same)
 
 
-def _convergence(best: Start) -> list[str]:
+def _convergence(best: Start) -> tuple[str, ...]:
     """Return the reason of a fit that has not converged."""
     if best.converged:
-        return []
-    return [
+        return ()
+    return (
         f"not converged after {best.evaluations} evaluations ({best.message.rstrip('.')}): raise max_evaluations, give "
-        "a better start, or narrow the bounds"
-    ]
+        "a better start, or narrow the bounds",
+    )
 
 
 def _start_advice(runs: Sequence[Start], same: int, elsewhere: int) -> list[str]:
@@ -427,29 +501,28 @@ def _covariance_advice(
     return advice
 
 
-def contradicts(chi_square: float, left: float) -> bool:
-    """Return whether chi-square with `left` degrees of freedom is significantly large, at the 1 % level."""
-    return left > 0.0 and bool(special.chdtrc(left, chi_square) < _LARGE_PROBABILITY)
-
-
 _DIAGNOSE = "Next step: `receptance diagnose`, which tests the model and names the cause"
 
 
-def _rejection(residuals: Sequence[NDArray[np.float64]], independent: float, noise_factor: float) -> list[str]:
-    """Return why a fit is rejected whose chi-square is far above one for each independent number."""
-    rms = float(np.sqrt(_sum_of_squares(residuals) / independent))
-    if noise_factor > 1.0:
-        return [
-            "the model does not explain the data within standard deviations and tolerances: it is incomplete or "
-            f"these are too small; the fit and its intervals use {noise_factor:.3g} times the standard deviations. "
-            f"{_DIAGNOSE}"
-        ]
-    if rms > _UNEXPLAINED:
-        return [
-            f"the rms of the residuals is {rms:.3g} standard deviations, expected about 1: the model is incomplete or "
-            f"the standard deviations are too small, and then the standard errors are too small as well. {_DIAGNOSE}"
-        ]
-    return []
+def _rejection(adequacy: Adequacy | None, task: Task, problem: Problem, best: Start) -> Rejection:
+    """Return why a fit is rejected: the model is not adequate, or the fit has not converged."""
+    unusable = _convergence(best)
+    if adequacy is None or adequacy.passed:
+        return Rejection(unusable)
+    model = f"the model {adequacy.shortcoming}: it is incomplete, or standard deviations or tolerances are too small"
+    if task.discrepancy is None:
+        text = f"{model}. The intervals are those of the stated standard deviations, and are too narrow. {_DIAGNOSE}"
+        return Rejection((*unusable, text))
+    strain = strain_of(task, problem.value(best.variables), problem.curvature_root(best.variables))
+    expected = expected_chi_square(task)
+    if strain.at_stop or 2.0 * best.cost > expected * misfit_limit(expected):
+        text = f"{model}. No error of the model that can be estimated explains that. {_DIAGNOSE}"
+        return Rejection((*unusable, text))
+    text = (
+        f"{model}. Values and intervals are those of a fit that allows for an error of the model of "
+        f"{task.discrepancy}. {_DIAGNOSE}"
+    )
+    return Rejection(unusable, (text,))
 
 
 def _overfit_advice(residuals: Sequence[NDArray[np.float64]], independent: float, fitted: int) -> list[str]:
@@ -457,7 +530,7 @@ def _overfit_advice(residuals: Sequence[NDArray[np.float64]], independent: float
     chi_square = _sum_of_squares(residuals)
     # Every fitted number uses one degree of freedom, errors of tolerances included.
     left = independent - fitted
-    small = left > 0.0 and chi_square < left / _UNEXPLAINED**2
+    small = left > 0.0 and chi_square < left * _OVERFIT**2
     if small and 1.0 - special.chdtrc(left, chi_square) < _SMALL_PROBABILITY:
         share = float(np.sqrt(chi_square / left))
         return [

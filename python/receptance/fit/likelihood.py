@@ -18,6 +18,7 @@ from scipy import special
 
 from receptance import _checks
 from receptance.errors import ReceptanceError, warn_user
+from receptance.fit.identification import restart
 from receptance.fit.problem import COST_TOLERANCE, End
 from receptance.fit.result import Identification
 from receptance.report import Column, Provenance, Result, Results, Table
@@ -137,11 +138,11 @@ def constrained_fit(fit: Identification, values: Mapping[str, float], *, starts:
         values={name: float(value) for name, value in values.items()},
         others={name: float(others[i]) for i, name in enumerate(fit.addresses) if free[i]},
         rise=rise,
-        p_value=_p_value(rise, len(values), None if fit.known_scatter else fit.degrees_of_freedom),
+        p_value=_p_value(rise, len(values), fit.scatter_freedom),
     )
 
 
-def _p_value(rise: float, count: int, degrees_of_freedom: int | None) -> float:
+def _p_value(rise: float, count: int, degrees_of_freedom: float | None) -> float:
     if np.isinf(rise):
         return 0.0
     if degrees_of_freedom is None:
@@ -162,7 +163,7 @@ def log_evidence(fit: Identification) -> float:
     Raises
     ------
     ValueError
-        No standard deviations, or the percentage objective.
+        No standard deviations, the percentage objective, or a fit that allows for a discrepancy.
 
     Examples
     --------
@@ -182,16 +183,20 @@ def log_evidence(fit: Identification) -> float:
     ... ]
     >>> grows = Power(of="torque", reference=40.0)
     >>> laws = [Law(address="joint.k_theta", lower=1e3, upper=1e7, powers=powers) for powers in ((), grows)]
-    >>> constant, power = (log_evidence(identify(measured, law)) for law in laws)
+    >>> constant, power = (log_evidence(identify(measured, law, noise="stated")) for law in laws)
     >>> power > constant + 10.0
     True
     """
     if not fit.known_scatter:
         raise ValueError("evidence needs standard deviations: give the observations them, and the objective 'log'")
+    if fit.discrepancy is not None:
+        raise ValueError(
+            "the fit allows for an error of its model, which differs between models; fits whose evidence is compared "
+            'need the same noise: identify with noise="stated"'
+        )
     problem = fit.task.problem()
     residual = problem.residual(fit.vector)
-    # A factor on the standard deviations divides the density of each independent number.
-    total = -0.5 * float(residual @ residual) - fit.task.independent_values * math.log(fit.noise_factor)
+    total = -0.5 * float(residual @ residual)
     low, high = problem.variables.limits
     slopes = problem.variables.priors[:, 1]
     total += float(np.sum(np.log(slopes))) - 0.5 * slopes.size * math.log(2.0 * math.pi)
@@ -307,11 +312,27 @@ class Profile(Result):
 
 
 class Profiles(Results[Profile]):
-    """Profile likelihoods by name of the parameter."""
+    """Profile likelihoods by name of the parameter.
+
+    `fit` is the fit that was profiled: the given one, or the one that was restarted from a better optimum. `unfinished`
+    has the parameters whose profiles would have taken more evaluations than allowed.
+    """
 
     heading = "Profile likelihoods"
     key = "profiles"
     plotted_by = "receptance.fit.figure:draw_profiles"
+
+    def __init__(
+        self,
+        items: Mapping[str, Profile],
+        *,
+        fit: Identification | None = None,
+        unfinished: Sequence[str] = (),
+        provenance: Provenance | None = None,
+        notes: Sequence[str] = (),
+    ) -> None:
+        super().__init__(items, provenance=provenance, notes=notes)
+        self.fit, self.unfinished = fit, tuple(unfinished)
 
 
 def profile_likelihoods(
@@ -319,11 +340,13 @@ def profile_likelihoods(
     names: str | Sequence[str] | None = None,
     *,
     level: float = 0.95,
+    most: int | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Profiles:
     """Profile likelihoods: confidence intervals with bounds and open sides, and their meaning as text.
 
-    Each parameter is held at several values, and all others are fitted again, errors of tolerances included.
+    Each parameter is held at several values, and all others are fitted again, errors of tolerances included. Where that
+    finds a better optimum, the fit is restarted from there and profiled again: `Profiles.fit` is the profiled fit.
 
     Parameters
     ----------
@@ -333,6 +356,8 @@ def profile_likelihoods(
         Parameters; by default all but the errors of tolerances.
     level : float, optional
         Level of the intervals.
+    most : int, optional
+        Number of evaluations of the model after which no further constrained fit begins; by default there is no limit.
     progress : callable, optional
         Called with a progress message.
 
@@ -340,6 +365,8 @@ def profile_likelihoods(
     ------
     ValueError
         A parameter that was not identified, or the percentage objective, which is no likelihood.
+    ReceptanceError
+        Each of several restarts was followed by a better optimum.
 
     Examples
     --------
@@ -356,34 +383,38 @@ def profile_likelihoods(
     for name in chosen:
         fit.index(name)
     require_likelihood(fit)
-    start = fit.vector
     for _ in range(_RESTARTS):
-        profiler = _Profiler(fit, level, start)
         profiles: dict[str, Profile] = {}
         try:
+            profiler = _Profiler(fit, level, most)
             for name in chosen:
                 if progress is not None:
                     progress(f"profiling {name}, {len(profiles) + 1} of {len(chosen)}")
                 profiles[name] = profiler.profile(name)
         except BetterOptimumError as error:
-            start = error.better.x
-            warn_user("a better optimum than that of the fit was found while profiling: identify with more starts")
-        else:
-            return Profiles(profiles, provenance=fit.provenance)
+            warn_user("a better optimum than that of the fit was found while profiling: the fit is restarted from it")
+            fit = restart(fit, error.better)
+            continue
+        except _EvaluationsUsedError:
+            pass
+        unfinished = [name for name in chosen if name not in profiles]
+        return Profiles(profiles, fit=fit, unfinished=unfinished, provenance=fit.provenance)
     raise ReceptanceError(f"profiling found a better optimum {_RESTARTS} times: identify with more starts")
 
 
 class _Profiler:
     """Constrained fits around one optimum."""
 
-    def __init__(self, identification: Identification, level: float, start: NDArray[np.float64]) -> None:
+    def __init__(self, identification: Identification, level: float, most: int | None) -> None:
         self.identification = identification
-        self.level = level
+        self.level, self.most = level, most
         self.problem = identification.task.problem()
         self.variables = self.problem.variables
         self.limits = self.variables.limits
-        self.best = self.problem.fit_one(start, least=1e-12)
+        self.best = self.problem.fit_one(identification.vector, least=1e-12)
         self.variance = identification.variance_of_residuals(self.best.cost)
+        if self.best.first - self.best.cost > _BETTER * max(self.variance, 1e-300):
+            raise BetterOptimumError(self.best)
         self.threshold = identification.confidence_multiplier(level) ** 2
 
     def profile(self, name: str) -> Profile:
@@ -481,6 +512,8 @@ class _Profiler:
 
     def _constrained(self, index: int, at: float, near: End) -> End:
         """Fit all other variables with one held, from a linear prediction of a neighbouring fit."""
+        if self.most is not None and self.problem.evaluations >= self.most:
+            raise _EvaluationsUsedError
         free = np.ones(near.x.size, dtype=np.bool_)
         free[index] = False
         start = near.x.copy()
@@ -521,6 +554,10 @@ class BetterOptimumError(Exception):
     def __init__(self, better: End) -> None:
         super().__init__("a better optimum was found while profiling")
         self.better = better
+
+
+class _EvaluationsUsedError(Exception):
+    """The evaluations of a profile are used up."""
 
 
 class _ProfilePoint(NamedTuple):

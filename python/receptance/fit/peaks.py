@@ -124,7 +124,7 @@ class PredictedMode:
     """The natural frequency, or the peak of a response; None if it was not measured."""
     measured_deviation_hz: float = 0.0
     """Standard deviation of the measurement, for a peak from the noise of the lines around it; 0 if unknown."""
-    degrees_of_freedom: int | None = None
+    degrees_of_freedom: float | None = None
     """Of the standard deviations, if the fit has estimated them; None if they are known."""
 
     @property

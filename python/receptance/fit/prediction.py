@@ -39,6 +39,11 @@ class Scatter:
         """Return the scatter with further independent errors of these standard deviations, `(n,)`."""
         return replace(self, total=np.hypot(self.total, deviation)) if deviation.any() else self
 
+    def of(self, rows: slice, factor: NDArray[np.float64]) -> Scatter:
+        """Return the scatter of some of the results, each multiplied by a positive factor."""
+        errors = {name: factor * change[rows] for name, change in self.errors.items()}
+        return Scatter(factor * self.total[rows], factor * self.data[rows], errors)
+
     @property
     def shares(self) -> dict[str, NDArray[np.float64]]:
         """Share of each error in the variance, `(n,)`; shares of correlated errors overlap."""
@@ -120,7 +125,7 @@ class PredictedFRF:
     """Of the imaginary part; None if not computed."""
     drawn: NDArray[np.complex128] = field(repr=False)
     """`(draws, n)` complex receptances of vectors drawn from the posterior; `(0, n)` without draws."""
-    degrees_of_freedom: int | None = None
+    degrees_of_freedom: float | None = None
     """Of the scatter, where it was estimated; None where it was known."""
     measured: NDArray[np.complex128] | None = field(default=None, repr=False)
     """`(n,)` complex."""

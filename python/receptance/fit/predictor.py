@@ -8,6 +8,8 @@ evaluated.
 
 Data of new observations have the residuals of every fit, and the information of the fit in place of the priors. They
 are hypothetical ones for the next measurement and the advice of a diagnosis, or those of held-out configurations.
+
+Where the model of the fit is not adequate, predictions have its discrepancy as well: see `fit.discrepancy`.
 """
 
 from __future__ import annotations
@@ -24,6 +26,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from receptance.errors import ReceptanceError
 from receptance.fit.covariance import square_root
+from receptance.fit.discrepancy import Curve, Discrepancy
+from receptance.fit.line_modes import LineModes, line_modes
 from receptance.fit.observation import Observation, Unit
 from receptance.fit.parameters import FACTORS, ParameterMap, Parameters, Site
 from receptance.fit.peaks import PredictedMode, match_peaks
@@ -36,6 +40,9 @@ from receptance.model.coordinates import Coordinate
 from receptance.model.terminals import RESIDUALS, Terminal
 
 _Value = TypeVar("_Value")
+_SAME_PEAK = 0.02
+"""Relative distance of the peak of a response from a natural frequency of its lines up to which it is the peak of this
+mode."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +58,13 @@ class Predictor:
     """`(p,)` identified values of the unknowns in SI units."""
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
     """`(p, p)` of the fitted variables; infinite for variables that are not determined."""
-    degrees_of_freedom: int | None = None
+    degrees_of_freedom: float | None = None
     """Of the covariance, where the scatter was estimated; None where it was known."""
     threads: int | None = None
     root: NDArray[np.float64] | None = None
     """Any matrix R with R^T R the information of data and priors at `values`, for predictions of data, see `of`."""
+    discrepancy: Discrepancy | None = None
+    """Error of the model, which every prediction has beside the posterior."""
 
     @cached_property
     def variables(self) -> Variables:
@@ -131,7 +140,8 @@ class Predictor:
     def draw(self, count: int, seed: int) -> NDArray[np.float64]:
         """Return values of the unknowns drawn from the posterior, `(count, p)`.
 
-        They are normal within the bounds; a variable that the data do not determine is uniform between its bounds.
+        They are normal within the bounds, or of Student's t distribution with a discrepancy; a variable that the data
+        do not determine is uniform between its bounds.
         """
         if not self.values.size:
             return np.zeros((count, 0))
@@ -140,8 +150,16 @@ class Predictor:
         determined = np.isfinite(np.diag(self.covariance))
         root = square_root(self.covariance[np.ix_(determined, determined)])
         x = low + (high - low) * random.random((count, low.size))
-        x[:, determined] = self.x[determined] + random.standard_normal((count, len(root))) @ root.T
+        moved = random.standard_normal((count, len(root))) @ root.T
+        x[:, determined] = self.x[determined] + self.spreads(count, seed)[:, None] * moved
         return self.variables.to_values(np.clip(x, low, high))
+
+    def spreads(self, count: int, seed: int) -> NDArray[np.float64]:
+        """Return the factor of all errors of each draw, `(count,)`: the size of a discrepancy is uncertain, else 1."""
+        if self.discrepancy is None or self.degrees_of_freedom is None:
+            return np.ones(count)
+        freedom = self.degrees_of_freedom
+        return np.asarray(np.sqrt(freedom / np.random.default_rng([seed, 3]).chisquare(freedom, count)))
 
 
 class LinearFRF(NamedTuple):
@@ -156,6 +174,8 @@ class LinearFRF(NamedTuple):
     real and imaginary part; zero without them."""
     independent: bool
     """Whether these errors are independent between lines, else all lines share them."""
+    frequency_hz: NDArray[np.inexact]
+    """`(n,)` its lines."""
 
     @property
     def variance(self) -> NDArray[np.float64]:
@@ -209,12 +229,20 @@ class PredictedAssembly:
     def natural_frequencies(self, upper_hz: float) -> PredictedFrequencies:
         """Return the natural frequencies up to a limit, with their standard errors to first order."""
         frequency_hz, slope = self.assembly.natural_frequency_derivatives(upper_hz, list(self.addresses))
-        return self._frequencies(range(1, frequency_hz.size + 1), frequency_hz, slope)
+        return self._frequencies(
+            range(1, frequency_hz.size + 1), frequency_hz, self._modal_scatter(frequency_hz, slope)
+        )
+
+    def _modal_scatter(self, frequency_hz: NDArray[np.float64], slope: NDArray[np.float64]) -> Scatter:
+        """Return the scatter of natural frequencies with derivatives `(n, m)`, with the error of the model."""
+        discrepancy = self.predictor.discrepancy
+        scatter = self.scatter(slope)
+        return scatter if discrepancy is None else scatter.widened(discrepancy.frequency * frequency_hz)
 
     def _frequencies(
-        self, numbers: Sequence[int], frequency_hz: NDArray[np.float64], slope: NDArray[np.float64]
+        self, numbers: Sequence[int], frequency_hz: NDArray[np.float64], scatter: Scatter
     ) -> PredictedFrequencies:
-        scatter, freedom = self.scatter(slope), self.predictor.degrees_of_freedom
+        freedom = self.predictor.degrees_of_freedom
         modes = [
             PredictedMode(mode=number, predicted_hz=frequency, deviation_hz=deviation, degrees_of_freedom=freedom)
             for number, frequency, deviation in zip(numbers, frequency_hz.tolist(), scatter.total.tolist(), strict=True)
@@ -225,7 +253,8 @@ class PredictedAssembly:
         """Return the natural frequencies of a measurement of this assembly; `noise` are its deviations in Hz."""
         frequency_hz, slope = self.assembly.lowest_natural_frequencies(max(measured.modes), self.addresses)
         rows = [number - 1 for number in measured.modes]
-        predicted = self._frequencies(measured.modes, frequency_hz[rows], slope[rows])
+        scatter = self._modal_scatter(frequency_hz[rows], slope[rows])
+        predicted = self._frequencies(measured.modes, frequency_hz[rows], scatter)
         noise = measured.standard_deviation if noise is None else noise
         deviations = np.zeros(len(rows)) if noise is None else noise
         modes = [
@@ -263,7 +292,32 @@ class PredictedAssembly:
         errors = np.zeros((receptance.size, 3), dtype=np.complex128)
         if root is not None:
             errors = np.einsum("ni,nij->nj", residual_slope, root)
-        return LinearFRF(receptance, slope, errors, independent)
+        return LinearFRF(receptance, slope, errors, independent, np.asarray(frequency_hz))
+
+    def line_modes(self, frequency_hz: NDArray[np.float64], linear: LinearFRF) -> tuple[LineModes, Scatter]:
+        """Return the modes that are peaks of a receptance on `(n,)` lines, and the scatter of the logarithms.
+
+        The scatter is that of frequency, damping ratio and dynamic stiffness of each mode in turn, `(3 k,)`.
+        """
+        # Errors that all lines share make no peaks.
+        modes = line_modes(frequency_hz, linear.receptance, linear.variance if linear.independent else None)
+        slopes = modes.log_slopes(linear.slope).reshape(3 * len(modes), len(self.addresses))
+        variances = modes.log_variances(linear.spindle_errors, independent=linear.independent)
+        discrepancy = self.predictor.discrepancy
+        if discrepancy is not None:
+            # The height of a peak is that of its damping ratio as well.
+            level = discrepancy.relative or 0.0
+            variances = variances + np.square([discrepancy.frequency, discrepancy.damping or level, level])
+        return modes, self.scatter(slopes).widened(np.sqrt(variances).ravel())
+
+    def peak_frequencies(self, frequency_hz: NDArray[np.float64], linear: LinearFRF) -> PredictedFrequencies:
+        """Return the natural frequencies that are peaks of a receptance on `(n,)` lines, numbered from the lowest.
+
+        They are those of an assembly that ends with modes or with a table of receptances, where no modes are counted.
+        """
+        modes, scatter = self.line_modes(frequency_hz, linear)
+        frequencies = modes.values[:, 0]
+        return self._frequencies(range(1, len(modes) + 1), frequencies, scatter.of(slice(0, None, 3), frequencies))
 
     def receptance(
         self,
@@ -306,6 +360,9 @@ class PredictedAssembly:
         drawn = np.array(several, np.complex128).reshape(-1, linear.receptance.size)
         log_slope = linear.slope / linear.receptance[:, None]
         log_deviation = np.sqrt(linear.variance) / np.abs(linear.receptance)
+        if self.predictor.discrepancy is not None:
+            curve = Curve.of(np.asarray(frequency_hz).real, linear.receptance)
+            log_deviation = np.hypot(log_deviation, np.sqrt(self.predictor.discrepancy.log_variance(curve)))
         return PredictedFRF(
             response=response or Coordinate(),
             excitation=excitation or Coordinate(),
@@ -337,11 +394,13 @@ class PredictedAssembly:
         where the fit has identified them. `noise` is the standard deviation of the measured logarithm, by default the
         stated one; draws are those of `receptance`.
         """
-        places = (
+        lines, force = measured.frequency_hz, measured.force
+        response, excitation = (
             moved_coordinate(place, measured.assembly.elements, self.assembly.elements)
             for place in (measured.response, measured.excitation)
         )
-        predicted = self.receptance(measured.frequency_hz, *places, force=measured.force, draws=draws, seed=seed)
+        linear = self.linear(lines, response, excitation, force)
+        predicted = self.receptance(lines, response, excitation, force=force, draws=draws, seed=seed, linear=linear)
         if any(unknown.address in FACTORS for unknown in self.predictor.parameters.given):
             chain = self.recorded(measured) / predicted.receptance
             predicted = replace(predicted, receptance=chain * predicted.receptance, drawn=chain * predicted.drawn)
@@ -355,25 +414,33 @@ class PredictedAssembly:
             excitation=measured.excitation,
             measured=measured.receptance,
             measured_deviation=noise,
-            peaks=self._peaks(measured, peaks),
+            peaks=self._peaks(measured, peaks, linear),
         )
 
-    def _peaks(self, measured: Observation, peaks: Sequence[PredictedMode]) -> tuple[PredictedMode, ...]:
+    def _peaks(
+        self, measured: Observation, peaks: Sequence[PredictedMode], linear: LinearFRF
+    ) -> tuple[PredictedMode, ...]:
         """Return peaks with the mode and the standard deviation of the natural frequency nearest to each.
 
-        An assembly that ends with receptances or modes has no natural frequencies; its peaks have no interval.
+        Where an assembly ends with modes or a table, natural frequencies are those of the lines, and a peak that is
+        none of them has no standard deviation.
         """
-        highest = max((peak.predicted_hz or 0.0 for peak in peaks), default=0.0)
+        predicted_hz = np.array([peak.predicted_hz for peak in peaks if peak.predicted_hz is not None])
         modes: tuple[PredictedMode, ...] = ()
-        if highest and self.assembly.countable:
-            modes = self.natural_frequencies(1.1 * highest).modes
-        frequencies = np.array([mode.predicted_hz for mode in modes])
+        if predicted_hz.size and self.assembly.countable:
+            modes = self.natural_frequencies(1.1 * float(predicted_hz.max())).modes
+        elif predicted_hz.size:
+            of_lines = self.peak_frequencies(measured.frequency_hz.real, linear).modes
+            near = [np.abs(predicted_hz / mode.predicted_hz - 1.0).min() < _SAME_PEAK for mode in of_lines]
+            modes = tuple(replace(mode, mode=None) for mode, is_near in zip(of_lines, near, strict=True) if is_near)
+        frequencies = np.array([mode.predicted_hz for mode in modes], dtype=np.float64)
         freedom, named = self.predictor.degrees_of_freedom, []
         for peak in peaks:
             peak = replace(peak, configuration=measured.configuration, label=measured.label, degrees_of_freedom=freedom)
             if peak.predicted_hz is not None and modes:
-                near = modes[int(np.abs(frequencies - peak.predicted_hz).argmin())]
-                peak = replace(peak, mode=near.mode, deviation_hz=near.deviation_hz)
+                index = int(np.abs(frequencies - peak.predicted_hz).argmin())
+                if self.assembly.countable or abs(peak.predicted_hz / frequencies[index] - 1.0) < _SAME_PEAK:
+                    peak = replace(peak, mode=modes[index].mode, deviation_hz=modes[index].deviation_hz)
             named.append(peak)
         return tuple(named)
 
@@ -401,6 +468,22 @@ class PredictedAssembly:
                 drawn.append(None)  # a joint that is not passive, say
         return drawn
 
+    def _with_model_error(
+        self, lines_hz: NDArray[np.float64], receptance: NDArray[np.complex128], number: int, seed: int
+    ) -> NDArray[np.complex128]:
+        """Return the receptance of the draw of a number with the error of the model in it."""
+        curve = Curve.of(lines_hz, receptance)
+        return curve.moved_by(*self.model_errors(curve.modes, number, seed))
+
+    def model_errors(self, modes: int, number: int, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the error of the model in a draw: logarithms of frequency and level of each mode, `(modes,)` each."""
+        discrepancy = self.predictor.discrepancy
+        if discrepancy is None:
+            return np.zeros(modes), np.zeros(modes)
+        spread = self.predictor.spreads(number + 1, seed)[number]
+        shift, level = spread * np.random.default_rng([seed, number, 2]).standard_normal((modes, 2)).T
+        return discrepancy.frequency * shift, (discrepancy.relative or 0.0) * level
+
     def draw(self, value: Callable[[Assembly], _Value], count: int, seed: int) -> list[_Value | None]:
         """Return a value of each drawn assembly; None where it cannot be evaluated."""
         drawn: list[_Value | None] = []
@@ -414,8 +497,11 @@ class PredictedAssembly:
     def drawn_receptances(
         self, receptance: Callable[[Assembly], NDArray[np.complex128]], linear: LinearFRF, count: int, seed: int
     ) -> list[NDArray[np.complex128] | None]:
-        """Return a receptance of each drawn assembly with drawn errors of its spindle; None without a model."""
+        """Return a receptance of each drawn assembly with drawn errors of model and spindle; None without a model."""
         drawn = self.draw(receptance, count, seed) if count else []
+        if self.predictor.discrepancy is not None:
+            lines = np.asarray(linear.frequency_hz).real
+            drawn = [None if h is None else self._with_model_error(lines, h, i, seed) for i, h in enumerate(drawn)]
         if not linear.spindle_errors.any():
             return drawn
         errors = linear.drawn_errors(count, seed)

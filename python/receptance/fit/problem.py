@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 
 from receptance import _checks, _core
 from receptance.errors import ReceptanceError
+from receptance.fit.discrepancy import Discrepancy
+from receptance.fit.line_selection import FEWEST_LINES, resonant_lines, usable_lines
 from receptance.fit.observation import Observation, Unit
 from receptance.fit.parameters import FACTORS, ParameterMap, Parameters
 from receptance.fit.peaks import Bands, find_bands, within
@@ -66,8 +68,10 @@ class Task:
     band_width_percent: float = 5.0
     """Half width of bands around peaks, with percentages."""
     threads: int | None = None
-    noise_factor: float = 1.0
-    """Factor of the standard deviations of `observed` over the stated ones, see `noisier`."""
+    discrepancy: Discrepancy | None = None
+    """The discrepancy that the fit allows for, see `allow`."""
+    allowing: tuple[Observation, ...] | None = None
+    """The observations that are fitted in place of `observed`: on few lines, with variances that include it."""
 
     @cached_property
     def variables(self) -> Variables:
@@ -80,8 +84,15 @@ class Task:
         return self.parameters.of([observation.site(i) for i, observation in enumerate(self.observed)])
 
     @cached_property
+    def configurations(self) -> tuple[str, ...]:
+        """Name of the configuration of each observation."""
+        return tuple(observation.site(i).configuration for i, observation in enumerate(self.observed))
+
+    @cached_property
     def selected(self) -> tuple[Observation, ...]:
-        """The observations on the lines within the bands."""
+        """The observations on the lines that are fitted: within the bands, or those that allow for a discrepancy."""
+        if self.allowing is not None:
+            return self.allowing
         return tuple(
             self._in_bands(observation, unit) for observation, unit in zip(self.observed, self.units, strict=True)
         )
@@ -105,12 +116,24 @@ class Task:
             self, units=tuple(observation.unit for observation in self.observed), band_width_percent=0.0
         ).problem()
 
-    def noisier(self, factor: float) -> Task:
-        """Return the task with the stated standard deviations times a factor."""
-        more = factor / self.noise_factor
-        return replace(
-            self, observed=tuple(observation.noisier(more) for observation in self.observed), noise_factor=factor
-        )
+    def allow(self, discrepancy: Discrepancy) -> Task:
+        """Return the task with variances that include a discrepancy, on the lines of this task."""
+        return replace(self, discrepancy=discrepancy, allowing=discrepancy.allow(self.selected, self.configurations))
+
+    @property
+    def resonant(self) -> Task:
+        """The task on few lines of each receptance: those that can be judged, without antiresonances."""
+        masks = usable_lines(self.selected, self.configurations)
+        usable = [
+            observation if mask is None or mask.sum() < min(FEWEST_LINES, mask.size) else observation.select(mask)
+            for observation, mask in zip(self.selected, masks, strict=True)
+        ]
+        return replace(self, allowing=resonant_lines(usable, self.configurations))
+
+    @property
+    def stated(self) -> Task:
+        """The task with the stated standard deviations on all lines within the bands."""
+        return self if self.allowing is None else replace(self, discrepancy=None, allowing=None)
 
     def without_errors(self) -> Task:
         """Return the task with exact dimensions and materials; its vector is the first part of that of this task."""
@@ -124,7 +147,7 @@ class Task:
     def on(self, observed: Sequence[Observation]) -> Task:
         """Return the task with other data, one observation for each, all with standard deviations."""
         units: list[Unit] = ["standard deviations"] * len(observed)
-        return replace(self, observed=tuple(observed), units=tuple(units), bands=None)
+        return replace(self, observed=tuple(observed), units=tuple(units), bands=None, discrepancy=None, allowing=None)
 
     def _in_bands(self, observation: Observation, unit: Unit) -> Observation:
         if not observation.is_receptance:

@@ -11,7 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance._text import first_of
+from receptance.fit.adequacy import Adequacy
 from receptance.fit.covariance import confidence_multiplier
+from receptance.fit.discrepancy import Discrepancy
+from receptance.fit.discrepancy_fit import expected_chi_square
 from receptance.fit.observation import Unit
 from receptance.fit.parameters import Site
 from receptance.fit.prediction import Scatter
@@ -20,7 +23,7 @@ from receptance.fit.problem import Task
 from receptance.fit.search import Start
 from receptance.fit.unknowns import Law, Tolerance, Unknown
 from receptance.model.assembly import Assembly
-from receptance.report import Column, Provenance, Result, Results, Table
+from receptance.report import ACCEPTED, Column, Provenance, Rejection, Result, Results, Table
 from receptance.report.table import Cell, amount, amount_interval, number
 
 _CORRELATED = 0.9
@@ -29,6 +32,8 @@ _MOST_CORRELATIONS = 6
 """Number of correlations that are listed, the strongest first; `to_dict` has the matrix."""
 _NO_RESIDUAL = 1e-3
 """Smaller root mean squares are rounding errors and are printed as "below 0.001"."""
+_LEAST_FREEDOM = 3.0
+"""Least degrees of freedom of a discrepancy: with two, Student's t distribution has no variance."""
 _NOT_DETERMINED = 1e3
 """A larger ratio of standard error to value is printed as infinite."""
 
@@ -83,9 +88,11 @@ class Identification(Result):
     """Seed of the drawn starts."""
     task: Task = field(repr=False)
     """Observations and parameters of the fit, for later analyses."""
-    rejection: tuple[str, ...] = ()
-    """Why the values must not be used: residuals far above the standard deviations, or no convergence; empty if the fit
-    is accepted. Results that are computed with the values repeat it."""
+    adequacy: Adequacy | None = None
+    """Agreement of the model with the data and their stated standard deviations; None without these."""
+    rejection: Rejection = ACCEPTED
+    """Why the values must not be used, or are those of a fit that allows for an error of the model; false if the fit is
+    accepted. Results that are computed with the values repeat it."""
     profiled: Results[Any] | None = None
     """Profile likelihoods, if they were computed together with the fit."""
     series: Results[Any] | None = None
@@ -129,6 +136,17 @@ class Identification(Result):
         return "standard deviations" in self.task.units
 
     @property
+    def scatter_freedom(self) -> float | None:
+        """Degrees of freedom from which the scatter was estimated; None where it was given.
+
+        Without standard deviations they are `degrees_of_freedom`. With a discrepancy they are the independent errors of
+        modes minus the unknowns, at least three: few, so that the size of the discrepancy is uncertain.
+        """
+        if self.discrepancy is not None:
+            return max(expected_chi_square(self.task), _LEAST_FREEDOM)
+        return None if self.known_scatter else float(self.degrees_of_freedom)
+
+    @property
     def residual_variance(self) -> float:
         """Variance of a residual: 1 with given standard deviations, otherwise estimated from the residuals."""
         return self.variance_of_residuals(0.5 * float(np.sum(np.concatenate(self.residuals) ** 2)))
@@ -138,13 +156,12 @@ class Identification(Result):
         return 1.0 if self.known_scatter else 2.0 * cost / max(self.degrees_of_freedom, 1)
 
     @property
-    def noise_factor(self) -> float:
-        """Factor on the stated standard deviations that the fit used.
+    def discrepancy(self) -> Discrepancy | None:
+        """Error of the model that the fit allows for where the model is not adequate, see `identify`; else None.
 
-        It exceeds 1 if tolerances are fitted and the model does not explain the data within both, see `identify`.
         `residuals` and `rms` are relative to the stated standard deviations.
         """
-        return self.task.noise_factor
+        return self.task.discrepancy
 
     @property
     def assemblies(self) -> list[Assembly]:
@@ -207,9 +224,9 @@ class Identification(Result):
         """Half width of a confidence interval in standard errors.
 
         It is the quantile of the normal distribution if standard deviations were given, else that of Student's t
-        distribution with `degrees_of_freedom`.
+        distribution, see `scatter_freedom`.
         """
-        return confidence_multiplier(level, None if self.known_scatter else self.degrees_of_freedom)
+        return confidence_multiplier(level, self.scatter_freedom)
 
     def scatter(self) -> Scatter:
         """Standard deviations of the fitted variables, `(p,)`, and the share of each error in them.
@@ -223,8 +240,14 @@ class Identification(Result):
     def predictor(self) -> Predictor:
         """Predictor of other assemblies from the posterior of the fit."""
         values = np.array(list(self.values.values()))
-        freedom = None if self.known_scatter else self.degrees_of_freedom
-        return Predictor(self.task.parameters, values, self.covariance, freedom, self.task.threads)
+        return Predictor(
+            self.task.parameters,
+            values,
+            self.covariance,
+            self.scatter_freedom,
+            self.task.threads,
+            discrepancy=self.discrepancy,
+        )
 
     def at(
         self,
@@ -278,7 +301,7 @@ class Identification(Result):
 
     def warnings(self) -> list[str]:
         """Return the advice beside the rejection."""
-        return [text for text in self.advice if text not in self.rejection]
+        return [text for text in self.advice if text not in tuple(self.rejection)]
 
     def data(self) -> dict[str, Any]:
         """Return parameters, errors, correlations, residuals and starts."""
@@ -323,7 +346,8 @@ class Identification(Result):
             "rms": self.rms,
             "degrees_of_freedom": self.degrees_of_freedom,
             "known_scatter": self.known_scatter,
-            "noise_factor": self.noise_factor,
+            "adequacy": None if self.adequacy is None else self.adequacy.data(),
+            "discrepancy": None if self.discrepancy is None else self.discrepancy.data(),
             "starts": len(self.starts),
             "starts_agreeing": self.agreeing,
             "evaluations": self.evaluations,

@@ -62,7 +62,12 @@ def predictors_at(found: Identification, vectors: Sequence[NDArray[np.float64]])
     """
     problem, scale = found.task.problem(), np.sqrt(max(found.residual_variance, SMALLEST))
     return [
-        Predictor(found.task.parameters, found.task.variables.to_values(x), root=problem.jacobian(x) / scale)
+        Predictor(
+            found.task.parameters,
+            found.task.variables.to_values(x),
+            root=problem.jacobian(x) / scale,
+            discrepancy=found.discrepancy,
+        )
         for x in vectors
         if np.isfinite(problem.residual(x)).all()
     ]
@@ -92,6 +97,9 @@ def expected_deviations(
     if candidate is not None:
         # A measured spindle limits what the candidate can tell as well.
         observations[-1:] = with_spindle_errors(observations[-1:], data.assemblies(data.start)[-1:])[0]
+        if predictor.discrepancy is not None:
+            # More lines or hits do not make the model better.
+            observations[-1] = predictor.discrepancy.enlarge(observations[-1])
     problem = data.problem(observations)
     *parts, prior = np.split(problem.jacobian(data.start), np.cumsum(problem.sizes))
     information = prior.T @ prior

@@ -20,13 +20,15 @@ from receptance.fit.predictor import Predictor
 from receptance.fit.result import Identification
 from receptance.predict.gain import SMALLEST, Target, data_of, expected_deviations, names_of, predictors_at, worth
 from receptance.predict.menu import Candidate, Menu
-from receptance.report import Column, Provenance, Result, Table
+from receptance.report import ACCEPTED, Column, Provenance, Rejection, Result, Table
 from receptance.report.table import Cell, Interval, percent
 
 _WIDE = 0.1
 """Half width of an interval from which a profile is computed: in log10, or as a share of the range of the bounds."""
 _EDGE = 1e-3
 """Distance from a bound, as a share of the range, up to which a parameter counts as at the bound."""
+_EVALUATIONS_OF_PROFILES = 1000
+"""Evaluations of the model after which no further profile begins; a parameter without one is taken at the fit."""
 _QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
 """Quantiles of the likelihood along a profile at which the information is taken, with equal weights."""
 
@@ -110,8 +112,8 @@ class NextMeasurement(Result):
     profiled: tuple[str, ...]
     """Parameters with intervals so wide that these points lie along their profiles."""
     notes: tuple[str, ...]
-    rejection: tuple[str, ...] = ()
-    """Rejection of the fit; empty if it is accepted."""
+    rejection: Rejection = ACCEPTED
+    """Rejection of the fit; false if it is accepted."""
     provenance: Provenance = field(default_factory=Provenance, repr=False)
 
     heading = "Next measurement"
@@ -279,7 +281,7 @@ def next_measurement(
     confidence_multiplier(level, None)
     report = progress or (lambda _: None)
     possible = stated or _menu(found)
-    wide = _wide_profiles(found, chosen, level, dict(profiles or {}), report)
+    found, wide = _wide_profiles(found, chosen, level, dict(profiles or {}), report)
     points, notes = _points(found, wide)
     report(f"evaluating {len(possible)} candidates at {len(points)} points")
     present = _present(found, chosen, level, points, wide)
@@ -378,8 +380,11 @@ def _wide_profiles(
     level: float,
     profiles: dict[str, Profile],
     report: Callable[[str], None],
-) -> dict[str, Profile]:
-    """Return the profiles of parameters with wide intervals; those that are not given are computed."""
+) -> tuple[Identification, dict[str, Profile]]:
+    """Return the fit and the profiles of parameters with wide intervals; those that are not given are computed.
+
+    The fit is a better one where the profiles lead to it.
+    """
     named = [target for target in targets if isinstance(target, str) and target not in found.errors]
     if len(named) < len(targets):
         named = [name for name in found.addresses if name not in found.errors]
@@ -395,8 +400,10 @@ def _wide_profiles(
             wide.append(name)
     missing = [name for name in wide if name not in profiles]
     if missing:
-        profiles |= profile_likelihoods(found, missing, level=level, progress=report)
-    return {name: profiles[name] for name in wide}
+        computed = profile_likelihoods(found, missing, level=level, most=_EVALUATIONS_OF_PROFILES, progress=report)
+        found = computed.fit or found
+        profiles |= computed
+    return found, {name: profiles[name] for name in wide if name in profiles}
 
 
 def _points(found: Identification, profiles: Mapping[str, Profile]) -> tuple[list[Predictor], list[str]]:

@@ -22,13 +22,11 @@ from receptance.fit.predictor import PredictedAssembly
 from receptance.fit.problem import one_blas_thread
 from receptance.fit.result import Identification
 from receptance.fit.unknowns import Law, Tolerance, Unknown, Unknowns, as_unknowns, covered
-from receptance.report import Column, Provenance, Result, Table
+from receptance.report import ACCEPTED, Column, Provenance, Rejection, Result, Table
 from receptance.report.table import Cell
 
 Splits = Literal["leave-one-out", "one-for-all"]
 _NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
-_MISFIT = 1.5
-"""Residuals this many times their standard deviation, as rms, say that model or standard deviations are wrong."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,28 +88,10 @@ class Transfer(Result):
         return {texts[alike.index(one)]: alike.count(one) for one in dict.fromkeys(alike)}
 
     @property
-    def rejection(self) -> tuple[str, ...]:
+    def rejection(self) -> Rejection:
         """Rejections of the fits, each with the assemblies that were predicted by the fit."""
-        return tuple(
-            f"{', '.join(split.held_out)}: {text}"
-            for split in self.splits
-            if split.identified is not None
-            for text in split.identified.rejection
-        )
-
-    @property
-    def narrow(self) -> tuple[str, ...]:
-        """Held-out groups whose fit leaves residuals well above the stated standard deviations.
-
-        The model is wrong there, or the standard deviations are too small; intervals are then too narrow.
-        """
-        return tuple(
-            ", ".join(split.held_out)
-            for split in self.splits
-            if split.identified is not None
-            and split.identified.known_scatter
-            and split.identified.rms > _MISFIT * split.identified.noise_factor
-        )
+        fits = [(", ".join(split.held_out), split.identified) for split in self.splits]
+        return sum((fit.rejection.of(name) for name, fit in fits if fit is not None), ACCEPTED)
 
     @property
     def rms_percent(self) -> float | None:
@@ -134,23 +114,7 @@ class Transfer(Result):
     @property
     def notes(self) -> tuple[str, ...]:
         """Notes of the campaign, of the splits and on the intervals."""
-        own = tuple(dict.fromkeys([*self.campaign_notes, *(note for split in self.splits for note in split.notes)]))
-        factors = [split.identified.noise_factor for split in self.splits if split.identified is not None]
-        raised = [factor for factor in factors if factor > 1.0]
-        if raised:
-            own += (
-                f"in {len(raised)} of {len(self.splits)} splits the model does not explain the data within standard "
-                f"deviations and tolerances; the fit takes the former up to {max(raised):.2g} times as large",
-            )
-        if not self.narrow:
-            return own
-        most = max(split.identified.rms for split in self.splits if split.identified is not None)
-        return (
-            *own,
-            f"in {len(self.narrow)} of {len(self.splits)} splits the rms of the residuals of the fit is up to "
-            f"{most:.2g} standard deviations, expected about 1: the model is incomplete or the standard deviations are "
-            "too small, and the intervals are too narrow",
-        )
+        return tuple(dict.fromkeys([*self.campaign_notes, *(note for split in self.splits for note in split.notes)]))
 
     @property
     def identified(self) -> dict[str, list[float | None]]:

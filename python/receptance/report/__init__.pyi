@@ -3,6 +3,8 @@ from . import html as html
 from . import result as result
 from . import table as table
 from . import terminal as terminal
+from .rejection import ACCEPTED as ACCEPTED
+from .rejection import Rejection as Rejection
 from .result import PageSection as PageSection
 from .result import Provenance as Provenance
 from .result import Renderable as Renderable

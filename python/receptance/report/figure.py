@@ -9,7 +9,6 @@ import io
 import re
 import textwrap
 import warnings
-from collections.abc import Sequence
 from html import escape
 from typing import Any, Literal
 
@@ -24,7 +23,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from receptance._text import printable
-from receptance.report.table import REJECTED
+from receptance.report.rejection import ACCEPTED, Rejection
 
 # Colours of Okabe and Ito, which readers with colour deficiencies can distinguish.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
@@ -84,14 +83,15 @@ def panels(figure: Figure | SubFigure, count: int, columns: int, **options: Any)
     return axes[:count]
 
 
-def finished(figure: Figure | SubFigure, rejection: Sequence[str] = ()) -> Figure:
+def finished(figure: Figure | SubFigure, rejection: Rejection = ACCEPTED) -> Figure:
     """Return the whole figure, with the rejection of its numbers as the first lines of its title.
 
     Its texts have names of users, in which dollar signs mark no formulas.
     """
     if rejection:
         width = int(_LETTERS_PER_INCH * figure.bbox.width / figure.get_dpi())
-        lines = [textwrap.fill(text.replace("`", ""), width) for text in (f"{REJECTED}.", *rejection)]
+        texts = [text for heading, reasons in rejection.headed() for text in (f"{heading}.", *reasons)]
+        lines = [textwrap.fill(text.replace("`", ""), width) for text in texts]
         title = figure.get_suptitle()
         figure.suptitle("\n".join([*lines, *filter(None, [title])]), x=0.01, ha="left", fontsize=9, color=BAD)
     for artist in figure.findobj(Text):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from receptance import report
 from receptance._text import printable
 from receptance.report.result import PageSection, Renderable, Result
-from receptance.report.table import REJECTED, Fact, Table
+from receptance.report.table import Fact, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,8 +33,8 @@ def as_html(content: Renderable, figure: Figure | None = None) -> str:
 
 
 def rejection_html(content: Renderable) -> str:
-    """Return why the numbers must not be used, for the beginning of a page; empty if nothing is rejected."""
-    items = "".join(_list(REJECTED, content.rejection))
+    """Return the rejection of the numbers, for the beginning of a page; empty if there is none."""
+    items = "".join(part for heading, reasons in content.rejection.headed() for part in _list(heading, reasons))
     return f'<div class="rejected">{items}</div>' if items else ""
 
 

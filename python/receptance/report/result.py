@@ -15,6 +15,7 @@ import numpy as np
 
 from receptance import _core, report
 from receptance._text import first_of
+from receptance.report.rejection import ACCEPTED, Rejection
 from receptance.report.table import Fact, Table, joined
 
 if TYPE_CHECKING:
@@ -190,12 +191,12 @@ class Renderable(ABC):
         return ()
 
     @property
-    def rejection(self) -> Sequence[str]:
-        """Why the numbers must not be used, a sentence each: text, figures, HTML and JSON begin with it.
+    def rejection(self) -> Rejection:
+        """Why the numbers must not be used, or are widened: text, figures, HTML and JSON begin with it.
 
         Numbers that come from a fit have the rejection of the fit.
         """
-        return ()
+        return ACCEPTED
 
     @property
     def next_step(self) -> str:
@@ -324,7 +325,7 @@ class Result(Renderable):
     def to_dict(self) -> dict[str, Any]:
         """Return the result as values that JSON supports; a number that is not finite is None."""
         origin = self.provenance
-        values: dict[str, Any] = {"rejected": self.rejection} if self.rejection else {}
+        values: dict[str, Any] = {**self.rejection.data()}
         values |= {"campaign": origin.title, "file": origin.file} if origin.file else {}
         values |= {**self.data(), "notes": self.notes}
         if origin.settings:
@@ -374,9 +375,9 @@ class Results(Result, Mapping[str, _Inner], Generic[_Inner]):
         return list(dict.fromkeys(text for result in self.values() for text in result.warnings()))
 
     @property
-    def rejection(self) -> tuple[str, ...]:
-        """Why numbers of at least one result must not be used, a sentence each."""
-        return tuple(dict.fromkeys(text for result in self.values() for text in result.rejection))
+    def rejection(self) -> Rejection:
+        """The rejections of all results."""
+        return sum((result.rejection for result in self.values()), ACCEPTED)
 
     def data(self) -> dict[str, Any]:
         """Return the data of all results by name."""

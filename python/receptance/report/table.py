@@ -12,9 +12,6 @@ Interval: TypeAlias = tuple[float | None, float | None]
 Cell: TypeAlias = str | float | Interval | None
 """Text, a number, a Boolean, an interval, or None for an empty cell."""
 
-REJECTED = "Rejected: do not use these numbers"
-"""Title of `Renderable.rejection`."""
-
 
 def number(value: float, form: str = ".4g") -> str:
     """Return a number as text; an infinite one is "not determined", NaN is empty.

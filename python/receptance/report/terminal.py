@@ -20,7 +20,7 @@ from rich.text import Text
 
 from receptance._text import printable
 from receptance.report.result import Renderable
-from receptance.report.table import REJECTED, Fact, Table
+from receptance.report.table import Fact, Table
 
 LEAST_WIDTH = 40
 """Smallest width in characters that fits every interval with its name."""
@@ -51,7 +51,8 @@ def as_text(content: Renderable, width: int = 100) -> str:
 def print_result(console: Console, content: Renderable, measured: Sequence[Table] = ()) -> None:
     """Print rejection, warnings, findings, tables, next step and notes; of a campaign also data, seed and versions."""
     print_title(console, content.title)
-    print_list(console, REJECTED, content.rejection)
+    for heading, reasons in content.rejection.headed():
+        print_list(console, heading, reasons)
     if content.description:
         print_sentences(console, [content.description])
     # Above the numbers, which a reader should not use before.

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from receptance import _checks
 from receptance._peaks import local_maxima
 from receptance.frf.plausibility import check_drive_point
-from receptance.report import Column, Provenance, Result, Results, Table
+from receptance.report import ACCEPTED, Column, Provenance, Rejection, Result, Results, Table
 from receptance.stability.cutting import Milling, Turning
 from receptance.stability.tip import beyond_lines
 
@@ -186,6 +186,8 @@ _Cut = TypeVar("_Cut", Milling, Turning, Milling | Turning)
 _Tip = TypeVar("_Tip")
 
 _FEWEST_DRAWS = 20
+_WIDEST = 10.0
+"""Ratio of the ends of a band from which its lower end is no recommendation."""
 _LEVEL = 0.95
 """Level of the band of the limit."""
 _RECOMMENDED = 5
@@ -240,8 +242,8 @@ class Lobes(Result):
     """Standard deviations of the logarithms of the cutting coefficients."""
     probability: float | None = None
     """Probability of the recommended depths; None if they are the limits."""
-    rejection: tuple[str, ...] = ()
-    """Why the limits must not be used, such as the rejection of the fit that predicts the tip; empty if they may."""
+    rejection: Rejection = ACCEPTED
+    """Why there are no limits, or why they are widened, such as the rejection of the fit that predicts the tip."""
     notes: tuple[str, ...] = ()
     provenance: Provenance = field(default_factory=Provenance, repr=False)
     """Campaign, and versions of the software."""
@@ -546,8 +548,8 @@ def stability_lobes(
         reason = check_drive_point(lines, matrix[:, i, i], "receptance").reason
         if reason:
             raise ValueError(f"{owner}: receptance[:, {i}, {i}]: a tip in a cut is a drive point, but {reason}")
-    if rejection := beyond_lines(lines, matrix):
-        return without_limits(cut, speeds, rejection)
+    if reasons := beyond_lines(lines, matrix):
+        return without_limits(cut, speeds, Rejection(unusable=reasons))
     teeth = cut.teeth if isinstance(cut, Milling) else 1
     depth, chatter = limit_over_speed(teeth, speeds, lines, *critical_depths(cut, lines, matrix))
     plain = Lobes(speeds_rpm=speeds, depth=depth, chatter_hz=chatter, cut=cut, notes=_on_ends(lines, chatter))
@@ -564,10 +566,35 @@ def stability_lobes(
     return with_draws(plain, np.array(limits))
 
 
-def without_limits(cut: Milling | Turning, speeds_rpm: NDArray[np.float64], rejection: tuple[str, ...]) -> Lobes:
+def without_limits(cut: Milling | Turning, speeds_rpm: NDArray[np.float64], rejection: Rejection) -> Lobes:
     """Return lobes whose limits are unknown, NaN, with the reasons."""
     unknown = np.full(speeds_rpm.size, np.nan)
     return Lobes(speeds_rpm=speeds_rpm, depth=unknown, chatter_hz=unknown, cut=cut, rejection=rejection)
+
+
+def with_rejection(lobes: Lobes, rejection: Rejection) -> Lobes:
+    """Return lobes with the rejection of the fit from which their tip was predicted.
+
+    Of a fit that allows for an error of its model, lobes whose band at every speed is so wide that its lower end says
+    nothing have no limits.
+    """
+    reasons = rejection + lobes.rejection
+    if not rejection.widened or lobes.draws is None:
+        return replace(lobes, rejection=reasons)
+    always = lobes.draws.min(axis=1)
+    low, high = np.quantile(always, [0.5 - 0.5 * _LEVEL, 0.5 + 0.5 * _LEVEL], method="nearest").tolist()
+    if high <= _WIDEST * low:
+        return replace(lobes, rejection=reasons)
+    text = (
+        f"the depth that is stable at every speed is between {1e3 * low:.2g} and {1e3 * high:.2g} mm with the error of "
+        f"the model, more than a factor of {_WIDEST:g} apart, so no depth is stated: mend the model, or measure the "
+        "tip itself in this set-up"
+    )
+    named = f"{lobes.name}: {text}" if lobes.name else text
+    unknown = without_limits(lobes.cut, lobes.speeds_rpm, Rejection(unusable=(named,)) + reasons)
+    return replace(
+        unknown, name=lobes.name, tips=lobes.tips, spread=lobes.spread, notes=lobes.notes, provenance=lobes.provenance
+    )
 
 
 def checked_lines(owner: str, frequency_hz: ArrayLike) -> NDArray[np.float64]:

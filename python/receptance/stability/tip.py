@@ -76,6 +76,15 @@ class TipModes:
                 raise ValueError(f"TipModes: {name}{list(index)} is {values[index]:g}, expected {expected}")
         _checks.set_fields(self, {"frequency_hz": frequency, "damping_ratio": damping, "shapes": modes})
 
+    def with_errors(self, frequency: NDArray[np.float64], level: NDArray[np.float64]) -> TipModes:
+        """Return the modes with relative errors of the frequencies, and errors of the logarithm of the levels."""
+        return TipModes(
+            frequency_hz=self.frequency_hz * np.exp(frequency),
+            damping_ratio=self.damping_ratio,
+            # The level of a mode at its resonance is s^2 / (2 zeta w^2).
+            shapes=self.shapes * np.exp(frequency + 0.5 * level)[:, None],
+        )
+
     @classmethod
     def from_estimates(cls, x: Sequence[ModeEstimate], y: Sequence[ModeEstimate] = ()) -> TipModes:
         """Return the modes from separate estimates of drive-point receptances in x and in y.

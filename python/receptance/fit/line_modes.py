@@ -38,8 +38,8 @@ class LineModes:
     weights: tuple[NDArray[np.complex128], ...]
     """For each mode `(3, m)` complex: a small change dG of its lines changes the logarithms of the values by Re(w
     dG)."""
-    lines: tuple[slice, ...]
-    """Lines of each mode."""
+    lines: tuple[NDArray[np.intp], ...]
+    """Indices of the lines of each mode."""
 
     def __len__(self) -> int:
         return len(self.values)
@@ -82,20 +82,25 @@ def line_modes(
     noise = np.zeros(size.size) if variance is None else np.sqrt(variance)
     values: list[tuple[float, float, float]] = []
     weights: list[NDArray[np.complex128]] = []
-    lines: list[slice] = []
-    for first, last in _windows(size, noise):
-        window = slice(first, last)
-        mode = _fit(frequency_hz[window], receptance[window], noise[window])
+    lines: list[NDArray[np.intp]] = []
+    for windows in _windows(size, noise):
+        # Dense lines over a small part of a resonance may not determine its pole.
+        for window in windows:
+            mode = _fit(frequency_hz[window], receptance[window], noise[window])
+            if mode is not None:
+                break
+        else:
+            continue
         # Several noise peaks of one resonance give the same pole.
-        if mode is not None and all(abs(mode[0][0] - old[0]) > old[0] * old[1] for old in values):
+        if all(abs(mode[0][0] - old[0]) > old[0] * old[1] for old in values):
             values.append(mode[0])
             weights.append(mode[1])
             lines.append(window)
     return LineModes(np.array(values).reshape(-1, 3), tuple(weights), tuple(lines))
 
 
-def _windows(size: NDArray[np.float64], noise: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """Return first and last line (exclusive) around each distinct peak."""
+def _windows(size: NDArray[np.float64], noise: NDArray[np.float64]) -> list[list[NDArray[np.intp]]]:
+    """Return the indices of lines around each distinct peak: the nearest ones, and those over a range that is wider."""
     all_peaks, prominence = local_maxima(np.log(size), np.log(_PROMINENCE))
     peaks = all_peaks[prominence > _NOISE_PROMINENCE * (noise / size)[all_peaks]]
     fewest, most = _NOISY_LINES if noise.any() else _LINES
@@ -106,10 +111,14 @@ def _windows(size: NDArray[np.float64], noise: NDArray[np.float64]) -> list[tupl
         above = size >= _SHARE * size[peak]
         left = int(np.argmin(above[low : peak + 1][::-1])) or peak - low
         right = int(np.argmin(above[peak : high + 1])) or high - peak
-        half = int(np.clip(min(left, right), fewest // 2, most // 2))
-        first, last = max(peak - half, 0), min(peak + half + 1, size.size)
-        if last - first >= fewest - 2:
-            windows.append((first, last))
+        half = max(min(left, right), fewest // 2)
+        around = []
+        for step in sorted({1, -(-half // (most // 2))}):
+            count = min(half // step, most // 2)
+            lines = peak + step * np.arange(-count, count + 1)
+            lines = lines[(lines >= 0) & (lines < size.size)]
+            around += [lines] if lines.size >= fewest - 2 else []
+        windows.append(around)
     return windows
 
 
