@@ -72,7 +72,9 @@ def identify_campaign(campaign: CampaignData, profiles: Sequence[str] | None = (
             )
     fit = replace(fit, notes=notes)
     if profiles is None:
-        by_default = settings.profiles and not by_level and fit.known_scatter and settings.objective == "log"
+        # The valleys of unknown modes are flat and long, so that profiles along them take many fits.
+        by_default = settings.profiles and not (by_level or parts_to_start(campaign))
+        by_default &= fit.known_scatter and settings.objective == "log"
         most = max(fit.evaluations, _EVALUATIONS_OF_PROFILES)
         return _with_profiles(campaign, fit, _of_joints(campaign, fit), most) if by_default else fit
     return _with_profiles(campaign, fit, _check_profiles(campaign, fit, profiles), None) if profiles else fit

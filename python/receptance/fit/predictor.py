@@ -145,14 +145,20 @@ class Predictor:
         """
         if not self.values.size:
             return np.zeros((count, 0))
+        return self.variables.to_values(np.clip(self.x + self.deviations(count, seed), *self.variables.limits))
+
+    def deviations(self, count: int, seed: int) -> NDArray[np.float64]:
+        """Return deviations of the variables from their mean as in `draw`, but for the bounds, `(count, p)`."""
+        if not self.values.size:
+            return np.zeros((count, 0))
         random = np.random.default_rng(seed)
         low, high = self.variables.limits
         determined = np.isfinite(np.diag(self.covariance))
         root = square_root(self.covariance[np.ix_(determined, determined)])
-        x = low + (high - low) * random.random((count, low.size))
+        deviations = low + (high - low) * random.random((count, low.size)) - self.x
         moved = random.standard_normal((count, len(root))) @ root.T
-        x[:, determined] = self.x[determined] + self.spreads(count, seed)[:, None] * moved
-        return self.variables.to_values(np.clip(x, low, high))
+        deviations[:, determined] = self.spreads(count, seed)[:, None] * moved
+        return np.asarray(deviations)
 
     def spreads(self, count: int, seed: int) -> NDArray[np.float64]:
         """Return the factor of all errors of each draw, `(count,)`: the size of a discrepancy is uncertain, else 1."""
@@ -497,8 +503,16 @@ class PredictedAssembly:
     def drawn_receptances(
         self, receptance: Callable[[Assembly], NDArray[np.complex128]], linear: LinearFRF, count: int, seed: int
     ) -> list[NDArray[np.complex128] | None]:
-        """Return a receptance of each drawn assembly with drawn errors of model and spindle; None without a model."""
-        drawn = self.draw(receptance, count, seed) if count else []
+        """Return a receptance of each drawn assembly with drawn errors of model and spindle; None without a model.
+
+        Modes of a spindle are correlated: the data determine their sum far better than their numbers, and a vector that
+        is drawn from a normal distribution of these has another sum. So errors of such an assembly are of first order
+        in the logarithm of the receptance.
+        """
+        if count and self._has_uncertain_modes:
+            drawn = self._drawn_to_first_order(linear, count, seed)
+        else:
+            drawn = self.draw(receptance, count, seed) if count else []
         if self.predictor.discrepancy is not None:
             lines = np.asarray(linear.frequency_hz).real
             drawn = [None if h is None else self._with_model_error(lines, h, i, seed) for i, h in enumerate(drawn)]
@@ -506,6 +520,18 @@ class PredictedAssembly:
             return drawn
         errors = linear.drawn_errors(count, seed)
         return [None if h is None else h + error for h, error in zip(drawn, errors, strict=True)]
+
+    @property
+    def _has_uncertain_modes(self) -> bool:
+        """Whether numbers of modes that end the assembly are uncertain."""
+        last = next(reversed(self.assembly.elements))
+        return any(address.startswith(f"{last}.mode[") for address in self.addresses)
+
+    def _drawn_to_first_order(self, linear: LinearFRF, count: int, seed: int) -> list[NDArray[np.complex128] | None]:
+        variables, errors = self.predictor.deviations(count, seed), _draw_errors(self.fresh, count, seed)
+        moved = variables @ self._by_variables.T + errors @ self._by_fresh.T
+        changes = moved @ (linear.slope / linear.receptance[:, None]).T
+        return [linear.receptance * np.exp(change) for change in changes]
 
 
 class PredictedData:

@@ -26,6 +26,7 @@ _SHOWN = {
     "blank alone": ("tool_material", "tool_modulus", "tool_density", "fluted_part"),
     "holder alone": ("holder_modulus", "holder_inertia", "flexible_body"),
     "plain blank": ("fluted_part",),
+    "gauge blank again": ("spindle_mode",),
 }
 
 
