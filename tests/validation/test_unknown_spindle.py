@@ -83,9 +83,9 @@ def test_modes_are_added_to_those_with_a_peak(tmp_path: Path) -> None:
     own = [one for one in loaded.unknowns if not one.address.startswith("spindle.")]
     begun, errors = start_modes(observed, [*own, *bounds], "spindle")
     assert not errors
-    # Damping and imaginary shape of a mode above the lines are no unknowns.
+    # The imaginary shape of a mode above the lines is no unknown.
     left_out = {one.name for one in [*own, *bounds]} - {one.name for one in begun}
-    assert all(name.endswith(("damping_ratio", "_imaginary")) for name in left_out)
+    assert all(name.endswith("_imaginary") for name in left_out)
     assert all(one.lower <= one.start <= one.upper for one in begun)
     frequencies = [one.start for one in begun if one.address.endswith("frequency_hz")]
     assert frequencies == sorted(frequencies)

@@ -40,8 +40,8 @@ _EVALUATIONS = 80
 """Largest number of evaluations of each of these fits."""
 _TOLERANCE = 1e-5
 """Relative change at which they have converged."""
-_NO_DAMPING = 1e-9
-"""Damping ratio of modes without damping."""
+_LEAST = 1e-9
+"""Least frequency in Hz and damping ratio: a lower bound may be zero."""
 _DEPENDENT = 1e-8
 """Singular values of candidates below this share of the largest are not used."""
 
@@ -91,8 +91,8 @@ class ModeGrowth:
     bounds: NDArray[np.float64]
     """`(m, 6, 2)` bounds of the numbers of each mode; equal where a number is known."""
     above: NDArray[np.float64]
-    """`(m, 6, 2)` bounds of a mode with a natural frequency above the lines. The data do not show its width, and
-    several modes with complex shapes there can imitate each other."""
+    """`(m, 6, 2)` bounds of a mode with a natural frequency above the lines, where several modes with complex shapes can
+    imitate each other."""
     residual_bounds: NDArray[np.float64]
     """`(3, 2)` bounds of the residuals."""
 
@@ -136,7 +136,7 @@ class ModeGrowth:
 
     def _scaled(self, modes: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the fitted variables of numbers `(..., 6)`: logarithms of frequency and damping, scaled shapes."""
-        positive = np.maximum(modes[..., :2], _NO_DAMPING)
+        positive = np.maximum(modes[..., :2], _LEAST)
         return np.concatenate([np.log(positive), modes[..., 2:] / np.tile(self._shape_scale, 2)], axis=-1)
 
     def _unscaled(self, variables: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -40,8 +40,8 @@ _BEYOND = 1.5
 both moves along a valley."""
 _ABOVE = 1.05
 """Ratio of a natural frequency to the last line from which a mode is above the lines."""
-_KEPT = (1, 4, 5)
-"""Damping and imaginary shape, which such a mode keeps."""
+_KEPT = (4, 5)
+"""Imaginary parts of the shape, which such a mode keeps as they are described."""
 _SHAPE = 10.0
 """Bounds of y, relative to the largest start."""
 _SLOPE = 5.0
@@ -236,7 +236,7 @@ class _Modes:
     def grown(self, lines_hz: NDArray[np.inexact], rows: Callable[[NDArray[np.complex128]], Rows]) -> list[Unknown]:
         """Return the unknowns with starts for modes that were added one at a time.
 
-        A mode above the lines keeps the damping and the imaginary part of its shape, which are no unknowns any more.
+        The imaginary part of the shape of a mode above the lines is kept; it is no unknown any more.
         """
         described = [[getattr(mode, quantity) for quantity in QUANTITIES] for mode in self.part.modes]
         pairs = [
