@@ -91,8 +91,8 @@ class ModeGrowth:
     bounds: NDArray[np.float64]
     """`(m, 6, 2)` bounds of the numbers of each mode; equal where a number is known."""
     above: NDArray[np.float64]
-    """`(m, 6, 2)` bounds of a mode with a natural frequency above the lines, where several modes with complex shapes can
-    imitate each other."""
+    """`(m, 6, 2)` bounds of a mode with a natural frequency above the lines, where several modes with complex shapes
+    can imitate each other."""
     residual_bounds: NDArray[np.float64]
     """`(3, 2)` bounds of the residuals."""
 
