@@ -196,7 +196,8 @@ def start_modes(
         fits.append((_fitted(task, name), task, begun))
     end, task, begun = min(fits, key=lambda fit: fit[0].cost)
     values = dict(zip(task.variables.names, task.variables.to_values(end.x).tolist(), strict=True))
-    return _started(begun, values), [replace(tolerance, start=values[tolerance.name]) for tolerance in tolerances]
+    errors = [replace(tolerance, start=values[tolerance.name]) for tolerance in tolerances]
+    return _turned(_started(begun, values), name), errors
 
 
 def _started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[Unknown]:
@@ -207,6 +208,23 @@ def _started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[U
         else unknown
         for unknown in unknowns
     ]
+
+
+def _turned(unknowns: Sequence[Unknown], name: str) -> list[Unknown]:
+    """Return unknowns of which each shape starts with a positive y, as far as bounds are symmetric."""
+    shapes: dict[str, dict[str, Unknown]] = {}
+    for unknown in unknowns:
+        match = _MODE.fullmatch(unknown.address)
+        if match and match[1] == name and match[3] in QUANTITIES[2:]:
+            shapes.setdefault(match[2], {})[match[3]] = unknown
+    turned = {
+        unknown.name: replace(unknown, start=-(unknown.start or 0.0))
+        for shape in shapes.values()
+        if "y" in shape and (shape["y"].start or 0.0) < 0.0
+        if all(unknown.lower == -unknown.upper for unknown in shape.values())
+        for unknown in shape.values()
+    }
+    return [turned.get(unknown.name, unknown) for unknown in unknowns]
 
 
 def _sizes(observation: Observation) -> NDArray[np.float64]:
@@ -283,11 +301,8 @@ class _Modes:
 def _in_order(
     modes: NDArray[np.float64], limits: NDArray[np.float64], bounds: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return modes and their bounds with positive y, and those of equal bounds at first in ascending order."""
+    """Return modes and their bounds, those of equal bounds at first in ascending order."""
     modes, limits = modes.copy(), limits.copy()
-    for index, mode in enumerate(modes):
-        if mode[2] < 0.0 and np.all(limits[index, 2:, 0] == -limits[index, 2:, 1]):
-            modes[index, 2:] = -mode[2:]
     for index in range(len(modes)):
         alike = [i for i in range(len(modes)) if np.array_equal(bounds[i], bounds[index])]
         if alike[0] == index:
