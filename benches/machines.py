@@ -9,7 +9,7 @@ known one. `--best FILE` keeps the costs of fits from near the truth, which take
 `blind` hides an effect in each machine and scores the diagnosis.
 
 A case that fails or exceeds its limit counts as failed. A case is drawn from the seed and its number, so a resumed run
-gives the same cases. `tests/machines` has the laboratory. Times are processor times.
+gives the same cases. `tests/machine_laboratory` has the laboratory. Times are processor times.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pathlib import Path
 # The laboratory is under tests.
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
-from machines import batch, blind, converge, depths
+from machine_laboratory import batch, blind, converge, depths
 
 COMMANDS = {"converge": (converge, 50, 300.0), "depths": (depths, 300, 300.0), "blind": (blind, 120, 900.0)}
 """Each command with its default number of cases and its time limit in s."""

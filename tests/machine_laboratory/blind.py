@@ -18,9 +18,9 @@ import numpy as np
 
 from blind.files import append, read
 from blind.outcome import Outcome
-from machines.batch import Row, indices, run, seed_of, share
-from machines.generator import EFFECTS, FOREIGN, Machine, draw_machine, write
-from machines.oracle import GAIN, consult
+from machine_laboratory.batch import Row, indices, run, seed_of, share
+from machine_laboratory.generator import EFFECTS, FOREIGN, Machine, draw_machine, write
+from machine_laboratory.oracle import GAIN, consult
 
 KNOWN = tuple(id for id in EFFECTS if id not in FOREIGN)
 LEVEL = "machine"

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from machines.generator import Effect, Machine
-from machines.generator.effects import recorded
-from machines.generator.machine import FLOOR, HITS_REPEAT, true_deviation
-from machines.generator.structure import Numbers
+from machine_laboratory.generator import Effect, Machine
+from machine_laboratory.generator.effects import recorded
+from machine_laboratory.generator.machine import FLOOR, HITS_REPEAT, true_deviation
+from machine_laboratory.generator.structure import Numbers
 
 JOINT = ("joint.k_y", "joint.k_theta", "joint.c_y", "joint.c_theta")
 SPINDLE = ("taper.", "shaft.", "front.", "rear.", "housing.")

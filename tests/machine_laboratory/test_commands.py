@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from blind.outcome import Outcome
-from machines import batch, blind, converge, depths
-from machines.generator import EFFECTS, FOREIGN, draw_machine
-from machines.oracle import consult
+from machine_laboratory import batch, blind, converge, depths
+from machine_laboratory.generator import EFFECTS, FOREIGN, draw_machine
+from machine_laboratory.oracle import consult
 from receptance import campaign
 
 BENCH = Path(__file__).resolve().parents[2] / "benches" / "machines.py"

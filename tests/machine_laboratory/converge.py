@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from machines.batch import Row, append_row, indices, read_rows, run, seed_of, share
-from machines.generator import Machine, draw_machine, spindle_modes, write
+from machine_laboratory.batch import Row, append_row, indices, read_rows, run, seed_of, share
+from machine_laboratory.generator import Machine, draw_machine, spindle_modes, write
 
 Bounded = dict[str, tuple[float, float, float]]
 """Lower bound, start and upper bound of unknowns by address."""

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from machines.batch import Row, append_row, indices, read_rows, run, seed_of, share
-from machines.generator import Cut, Machine, draw_machine, stable_limit, write
-from machines.generator.structure import Numbers, receptances
+from machine_laboratory.batch import Row, append_row, indices, read_rows, run, seed_of, share
+from machine_laboratory.generator import Cut, Machine, draw_machine, stable_limit, write
+from machine_laboratory.generator.structure import Numbers, receptances
 
 LINES = np.arange(40.0, 9000.0, 0.5)
 """Lines of the true tip in Hz."""

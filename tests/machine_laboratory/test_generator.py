@@ -11,11 +11,11 @@ import pytest
 from scipy import stats
 
 from blind.generator.elements import Ring, Structure, cowper
-from machines.generator import EFFECTS, FOREIGN, Cut, draw_machine, spindle_modes, stable_limit, write
-from machines.generator.effects import recorded
-from machines.generator.machine import SECTION, true_deviation
-from machines.generator.spindle import plane_receptance, summed_modes
-from machines.generator.structure import REFINEMENT, build, fluted, material, receptances, section_count
+from machine_laboratory.generator import EFFECTS, FOREIGN, Cut, draw_machine, spindle_modes, stable_limit, write
+from machine_laboratory.generator.effects import recorded
+from machine_laboratory.generator.machine import SECTION, true_deviation
+from machine_laboratory.generator.spindle import plane_receptance, summed_modes
+from machine_laboratory.generator.structure import REFINEMENT, build, fluted, material, receptances, section_count
 from receptance import Assembly, Material, MeasuredPart, Part, PointJoint, PointMass, Segment, campaign
 from receptance.stability import Milling, stability_lobes
 
