@@ -83,6 +83,10 @@ def panels(figure: Figure | SubFigure, count: int, columns: int, **options: Any)
     return axes[:count]
 
 
+_REASONS = 2
+"""Number of reasons of each kind in a title; a figure has room for few."""
+
+
 def finished(figure: Figure | SubFigure, rejection: Rejection = ACCEPTED) -> Figure:
     """Return the whole figure, with the rejection of its numbers as the first lines of its title.
 
@@ -90,7 +94,10 @@ def finished(figure: Figure | SubFigure, rejection: Rejection = ACCEPTED) -> Fig
     """
     if rejection:
         width = int(_LETTERS_PER_INCH * figure.bbox.width / figure.get_dpi())
-        texts = [text for heading, reasons in rejection.headed() for text in (f"{heading}.", *reasons)]
+        texts = []
+        for heading, reasons in rejection.headed():
+            rest = len(reasons) - _REASONS
+            texts += [f"{heading}.", *reasons[:_REASONS], *([f"{rest} more reasons in the text."] if rest > 0 else [])]
         lines = [textwrap.fill(text.replace("`", ""), width) for text in texts]
         title = figure.get_suptitle()
         figure.suptitle("\n".join([*lines, *filter(None, [title])]), x=0.01, ha="left", fontsize=9, color=BAD)
