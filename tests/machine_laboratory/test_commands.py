@@ -1,4 +1,4 @@
-"""The commands of `benches/machines.py`: processes with limits, resumed runs, tables; one small case of each."""
+"""The commands of `benches/laboratory.py`: processes with limits, resumed runs, tables; one small case of each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The laboratory of machines with an unknown spindle: `python benches/machines.py COMMAND [--seed S] [--cases N]
+"""The laboratory of machines with an unknown spindle: `python benches/laboratory.py COMMAND [--seed S] [--cases N]
 [--jobs N] [--limit S] [--resume FILE]`.
 
 `converge` identifies joint and spindle of random machines of finite elements and compares each optimum with the best
