@@ -17,7 +17,7 @@ from machine_laboratory.generator import EFFECTS, FOREIGN, draw_machine
 from machine_laboratory.oracle import consult
 from receptance import campaign
 
-BENCH = Path(__file__).resolve().parents[2] / "benches" / "machines.py"
+BENCH = Path(__file__).resolve().parents[2] / "benches" / "laboratory.py"
 
 
 @pytest.fixture(scope="module")
