@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -76,6 +77,13 @@ class Equations:
         """Return the equations of selected lines."""
         arrays = [column.name for column in fields(self) if column.name != "terms"]
         return replace(self, **{name: getattr(self, name)[lines] for name in arrays})
+
+    @cached_property
+    def products(self) -> NDArray[np.complex128]:
+        """Coefficients `(n, p, 3)` of X_yy, X_tt and X_yt in the measured less the rigid receptance."""
+        r, e = self.response, self.excitation
+        both = r[..., 0] * e[..., 1] + r[..., 1] * e[..., 0]
+        return np.stack([r[..., 0] * e[..., 0], r[..., 1] * e[..., 1], both], axis=-1)
 
     def of_pairs(self, pairs: Sequence[int]) -> Equations:
         """Return the equations of selected pairs."""
@@ -180,11 +188,9 @@ def solve_lines(equations: Equations) -> tuple[NDArray[np.complex128], NDArray[n
 
 def linear_solution(eq: Equations) -> NDArray[np.complex128]:
     """Return the terms of X^-1 - Y for pairs of one structure, X by weighted linear least squares."""
-    r, e = eq.response, eq.excitation
-    rows = np.stack([r[..., 0] * e[..., 0], r[..., 1] * e[..., 1], r[..., 0] * e[..., 1] + r[..., 1] * e[..., 0]], -1)
     weight = 1.0 / (np.abs(eq.measured) * eq.deviation)
     right = (eq.measured - eq.rigid) * weight
-    x = np.einsum("nmp,np->nm", _pseudo_inverse(rows * weight[..., None]), right)
+    x = np.einsum("nmp,np->nm", _pseudo_inverse(eq.products * weight[..., None]), right)
     return eq.terms_of(_inverse(np.stack([x[:, [0, 2]], x[:, [2, 1]]], axis=1)) - eq.surroundings[:, 0])
 
 
@@ -196,10 +202,10 @@ def quadratic_solutions(eq: Equations) -> list[NDArray[np.complex128]]:
     p + lambda q in the space of det K and these terms, and the determinant of its terms is quadratic in lambda. Of more
     equations the singular values but the smallest count.
     """
-    r, e, y = eq.response, eq.excitation, eq.surroundings
+    y = eq.surroundings
     y_yy, y_tt, y_yt = y[..., 0, 0], y[..., 1, 1], y[..., 0, 1]
     d = eq.measured - eq.rigid
-    a, b, c = r[..., 0] * e[..., 0], r[..., 0] * e[..., 1] + r[..., 1] * e[..., 0], r[..., 1] * e[..., 1]
+    a, c, b = np.moveaxis(eq.products, -1, 0)
     mean = np.abs(y).mean(axis=1)
     size_y, size_t = mean[:, 0, 0], mean[:, 1, 1]
     sizes = np.stack([size_y * size_t, size_y, size_t, np.sqrt(size_y * size_t)], axis=1)

@@ -301,12 +301,8 @@ def _few(count: int, most: int) -> NDArray[np.intp]:
 
 def _projected(equations: Equations) -> NDArray[np.float64]:
     """Return the part of the records of one configuration that no spindle explains, in units of the allowed error."""
-    r, e = equations.response, equations.excitation
-    columns = np.stack(
-        [r[..., 0] * e[..., 0], r[..., 1] * e[..., 1], r[..., 0] * e[..., 1] + r[..., 1] * e[..., 0]], -1
-    )
     weight = 1.0 / (np.abs(equations.measured) * np.hypot(equations.deviation, _ERROR))
-    columns = columns * weight[..., None]
+    columns = equations.products * weight[..., None]
     size = np.linalg.norm(columns, axis=1, keepdims=True)
     basis, _ = np.linalg.qr(columns / np.where(size > 0.0, size, 1.0))
     residual = (equations.measured - equations.rigid) * weight

@@ -1,0 +1,173 @@
+"""An unknown spindle: joint and dimensions with the spindle eliminated, and modes added to its receptances."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from receptance import STEEL, Assembly, Coordinate, ModalPart, Mode, Observation, Part, PointJoint, Segment, Tolerance
+from receptance.coupling.mode_growth import QUANTITIES, ModeGrowth, around_solution, of_records
+from receptance.coupling.spindle_elimination import SpindleRecords
+from receptance.fit import Unknown, identify
+
+SEED = 20261128
+LINES = np.linspace(200.0, 2500.0, 120)
+MODES = (
+    Mode(frequency_hz=520.0, damping_ratio=0.04, y=0.25, theta=1.2, y_imaginary=0.02, theta_imaginary=-0.3),
+    Mode(frequency_hz=1500.0, damping_ratio=0.03, y=0.35, theta=-2.5, y_imaginary=-0.03, theta_imaginary=0.2),
+)
+TRUE = {"joint.k_y": 2e8, "joint.k_theta": 4e4}
+PLACES = {"tip": Coordinate("tool", 0.0), "middle": Coordinate("tool", 0.04), "holder": Coordinate("holder", 0.02)}
+HITS = (("tip", "tip"), ("tip", "middle"), ("tip", "holder"), ("holder", "holder"), ("middle", "middle"))
+
+
+def machine(k_y: float, k_theta: float, *, diameter: float = 0.016, modes: tuple[Mode, ...] = MODES) -> Assembly:
+    """Return tool, joint and holder on a spindle."""
+    tool = Part([Segment(length=0.08, outer_diameter=diameter, material=STEEL)], name="tool")
+    holder = Part([Segment(length=0.09, outer_diameter=0.045, material=STEEL)], name="holder")
+    joint = PointJoint(k_y=k_y, k_theta=k_theta, c_y=100.0, c_theta=1.0, name="joint")
+    spindle = ModalPart(modes=modes, residual_y=2e-9, residual_theta=3e-7, residual_ytheta=1e-8, name="spindle")
+    return Assembly([tool, joint, holder, spindle])
+
+
+def records(
+    noise: float = 0.005, *, diameter: float = 0.016, hits: tuple[tuple[str, str], ...] = HITS
+) -> list[Observation]:
+    """Return records of the true machine; the description has another joint, tool and spindle."""
+    rng = np.random.default_rng(SEED)
+    described = machine(1e9, 4e5, modes=(Mode(frequency_hz=1.0, damping_ratio=0.1, y=0.0, theta=0.0),) * 2)
+    true = machine(*TRUE.values(), diameter=diameter)
+    observations = []
+    for response, excitation in hits:
+        h = true.receptance(LINES, response=PLACES[response], excitation=PLACES[excitation])
+        error = noise * (rng.standard_normal(LINES.size) + 1j * rng.standard_normal(LINES.size))
+        observations.append(
+            Observation(
+                assembly=described,
+                frequency_hz=LINES,
+                receptance=h * np.exp(error),
+                response=PLACES[response],
+                excitation=PLACES[excitation],
+                standard_deviation=max(noise, 1e-6),
+                configuration="machine",
+                label=f"{response} {excitation}",
+            )
+        )
+    return observations
+
+
+def joint(start: float) -> list[Unknown]:
+    """Return the stiffnesses as unknowns that start at so many times the true ones."""
+    return [
+        Unknown(address=name, lower=value / 1e3, upper=value * 1e3, start=value * start) for name, value in TRUE.items()
+    ]
+
+
+DIAMETER = Tolerance(name="diameter", moves={"tool.segment[0].outer_diameter": 0.002}, relative=True)
+
+
+@pytest.mark.parametrize("start", [1e-2, 1.0, 1e2])
+def test_the_joint_is_found_whatever_the_spindle_is(start: float) -> None:
+    spindle_records = SpindleRecords.of(records(0.001), joint(start), "spindle")
+    assert spindle_records is not None
+    found = spindle_records.eliminated(seed=0)
+    assert found is not None
+    for name, value in TRUE.items():
+        assert found.values[name] == pytest.approx(value, rel=0.01), (SEED, name)
+    true = machine(*TRUE.values()).elements["spindle"].entries(spindle_records.lines_hz)
+    assert np.median(np.abs(found.entries / true - 1.0)) < 0.1, SEED
+
+
+def test_an_error_of_a_dimension_is_found_beside_the_joint() -> None:
+    measured = records(0.002, diameter=0.016 * np.exp(2.0 * 0.002))
+    found = SpindleRecords.of(measured, joint(1.0), "spindle", [DIAMETER]).eliminated(seed=0)
+    assert found.values["diameter"] == pytest.approx(2.0, abs=0.3), SEED
+    assert found.values["joint.k_theta"] == pytest.approx(TRUE["joint.k_theta"], rel=0.01), SEED
+
+
+@pytest.mark.parametrize("hits", [HITS[:3], (HITS[0], HITS[1], HITS[2], ("tip", "tip"))])
+def test_records_that_do_not_separate_the_spindle_are_not_eliminated(hits: tuple[tuple[str, str], ...]) -> None:
+    # With the response at one place the records do not contain the whole matrix of the spindle.
+    assert SpindleRecords.of(records(hits=hits), joint(1.0), "spindle").eliminated(seed=0) is None
+
+
+def growth(rows: object, count: int = 2) -> ModeGrowth:
+    """Return the growth of modes within wide bounds."""
+    bounds = np.tile(
+        [[50.0, 3700.0], [1e-3, 0.3], [-5.0, 5.0], [-50.0, 50.0], [-5.0, 5.0], [-50.0, 50.0]], (count, 1, 1)
+    )
+    above = bounds.copy()
+    above[:, 0, 0], above[:, 4:] = 1.05 * LINES[-1], 0.0
+    residuals = np.array([[-1e-7, 1e-7], [-1e-4, 1e-4], [-1e-6, 1e-6]])
+    return ModeGrowth(lines_hz=LINES, rows=rows, bounds=bounds, above=above, residual_bounds=residuals)
+
+
+@pytest.mark.parametrize("linear", [True, False])
+def test_modes_with_complex_shapes_are_recovered_from_exact_records(linear: bool) -> None:
+    spindle_records = SpindleRecords.of(records(0.0), joint(1.0), "spindle")
+    equations = spindle_records.equations(spindle_records.starts(1, 0)[0])
+    entries = machine(*TRUE.values()).elements["spindle"].entries(LINES)
+    modes, _, residuals = growth(around_solution(equations, entries) if linear else of_records(equations)).grown(
+        [0.0] * 3
+    )
+    numbers = [[getattr(mode, name) for name in ("frequency_hz", "damping_ratio")] for mode in MODES]
+    np.testing.assert_allclose(modes[np.argsort(modes[:, 0]), :2], numbers, rtol=1e-3)
+    np.testing.assert_allclose(residuals, [2e-9, 3e-7, 1e-8], rtol=0.05)
+    part = ModalPart(
+        modes=[Mode(**dict(zip(QUANTITIES, row, strict=True))) for row in modes.tolist()],
+        residual_y=residuals[0],
+        residual_theta=residuals[1],
+        residual_ytheta=residuals[2],
+    )
+    np.testing.assert_allclose(part.entries(LINES), entries, rtol=1e-3)
+
+
+def test_derivatives_of_added_modes_are_those_of_differences() -> None:
+    grown = growth(lambda entries: (entries, np.broadcast_to(np.eye(3, dtype=complex), (len(entries), 3, 3))))
+    rng = np.random.default_rng(SEED)
+    x = np.concatenate(
+        [
+            grown._scaled(np.array([[500.0, 0.03, 0.3, 2.0, 0.1, -4.0], [1500.0, 0.05, 0.4, -2.0, 0.0, 6.0]])).ravel(),
+            rng.normal(size=3),
+        ]
+    )
+    _, jacobian = grown._evaluate(x)
+    step = 1e-6
+    numerical = np.stack(
+        [
+            (grown._evaluate(x + step * row)[0] - grown._evaluate(x - step * row)[0]) / (2.0 * step)
+            for row in np.eye(x.size)
+        ],
+        axis=1,
+    )
+    assert np.all(np.abs(jacobian - numerical) < 1e-7 * np.abs(jacobian).max(axis=0))
+
+
+def test_a_tolerance_starts_where_it_says() -> None:
+    bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
+    observation = Observation.from_modes(
+        assembly=bar, frequency_hz=bar.natural_frequencies(2e4)[:3], standard_deviation_hz=5.0
+    )
+    length = Tolerance(name="length", moves={"bar.segment[0].length": 1e-4}, start=1.5)
+    fit = identify(observation, {"bar.segment[0].youngs_modulus": (1e11, 3e11)}, tolerances=length, starts=1)
+    assert fit.starts[0].start["length"] == 1.5
+    assert abs(fit.values["length"]) < 1.0
+
+
+def test_draws_with_uncertain_modes_scatter_about_the_fit() -> None:
+    """Numbers of modes are correlated: drawn vectors of them have other receptances, far from those of the fit."""
+    observations = records(0.02)
+    modal = [
+        Unknown(address=f"spindle.mode[{i}].{name}", lower=low, upper=high, start=getattr(mode, name))
+        for i, mode in enumerate(MODES)
+        for name, low, high in (
+            ("frequency_hz", 100.0, 3000.0),
+            ("damping_ratio", 1e-3, 0.3),
+            ("y", -5.0, 5.0),
+            ("theta", -50.0, 50.0),
+        )
+    ]
+    fit = identify(observations, [*joint(1.0), *modal], starts=1, noise="stated")
+    tip = fit.at(observations[0].assembly).receptance(LINES, draws=100, seed=SEED)
+    spread = np.std(np.log(np.abs(tip.drawn / tip.receptance)), axis=0)
+    np.testing.assert_allclose(spread, tip.scatter.total, rtol=0.35)
