@@ -12,6 +12,7 @@ from machine_with_catalogue import TEXT, load
 from receptance import STEEL, Assembly, Observation, Part, Segment, Tolerance, Unknown, identify
 from receptance.catalogue import Catalogue, predict_catalogue
 from receptance.catalogue.results import write_depths
+from receptance.fit.adequacy import Strain
 from receptance.fit.discrepancy import Curve, Discrepancy
 from receptance.report import ACCEPTED, Rejection
 from receptance.stability import Milling, TipModes, stability_lobes
@@ -184,3 +185,8 @@ def test_depths_with_a_useless_lower_end_are_refused() -> None:
             assert "measure the tip itself" in found.rejection.unusable[0]
             assert found.best_cuts == ()
             assert found.to_dict()["always_stable"] is None
+
+
+def test_an_error_at_its_stop_is_strained_also_where_the_data_hardly_show_it() -> None:
+    assert Strain().passed
+    assert not Strain(at_stop=("length",)).passed

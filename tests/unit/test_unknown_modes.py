@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from receptance import STEEL, Assembly, Coordinate, ModalPart, Mode, Observation, Part, PointJoint, Segment, Tolerance
 from receptance.coupling.mode_growth import QUANTITIES, ModeGrowth, around_solution, of_records
-from receptance.coupling.spindle_elimination import SpindleRecords
+from receptance.coupling.spindle_elimination import SpindleRecords, unexplained
 from receptance.fit import Unknown, identify
 
 SEED = 20261128
@@ -31,12 +33,16 @@ def machine(k_y: float, k_theta: float, *, diameter: float = 0.016, modes: tuple
 
 
 def records(
-    noise: float = 0.005, *, diameter: float = 0.016, hits: tuple[tuple[str, str], ...] = HITS
+    noise: float = 0.005,
+    *,
+    diameter: float = 0.016,
+    hits: tuple[tuple[str, str], ...] = HITS,
+    modes: tuple[Mode, ...] = MODES,
 ) -> list[Observation]:
     """Return records of the true machine; the description has another joint, tool and spindle."""
     rng = np.random.default_rng(SEED)
     described = machine(1e9, 4e5, modes=(Mode(frequency_hz=1.0, damping_ratio=0.1, y=0.0, theta=0.0),) * 2)
-    true = machine(*TRUE.values(), diameter=diameter)
+    true = machine(*TRUE.values(), diameter=diameter, modes=modes)
     observations = []
     for response, excitation in hits:
         h = true.receptance(LINES, response=PLACES[response], excitation=PLACES[excitation])
@@ -76,6 +82,15 @@ def test_the_joint_is_found_whatever_the_spindle_is(start: float) -> None:
         assert found.values[name] == pytest.approx(value, rel=0.01), (SEED, name)
     true = machine(*TRUE.values()).elements["spindle"].entries(spindle_records.lines_hz)
     assert np.median(np.abs(found.entries / true - 1.0)) < 0.1, SEED
+
+
+@pytest.mark.parametrize("shapes", [1.0, 3.0])
+def test_the_first_step_has_no_residual_at_the_true_joint_whatever_the_spindle_is(shapes: float) -> None:
+    other = tuple(replace(mode, y=shapes * mode.y, theta=-shapes * mode.theta) for mode in MODES)
+    spindle_records = SpindleRecords.of(records(0.0, modes=other), joint(1.0), "spindle")
+    true, wrong = (np.log10([factor * value for value in TRUE.values()]) for factor in (1.0, 2.0))
+    exact, off = (np.linalg.norm(unexplained(spindle_records.equations(x))) for x in (true, wrong))
+    assert exact < 1e-6 < 0.1 < off
 
 
 def test_an_error_of_a_dimension_is_found_beside_the_joint() -> None:

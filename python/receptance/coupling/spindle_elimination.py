@@ -174,7 +174,7 @@ class SpindleRecords:
             x = start.copy()
             x[free] = low[free] + share * (high - low)[free]
             return np.concatenate(
-                [_projected(self._equations(self._exact, x, indices, rows)) for indices in self._configurations]
+                [unexplained(self._equations(self._exact, x, indices, rows)) for indices in self._configurations]
             )
 
         best, least = starts[0], np.inf
@@ -299,7 +299,7 @@ def _few(count: int, most: int) -> NDArray[np.intp]:
     return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(np.intp))
 
 
-def _projected(equations: Equations) -> NDArray[np.float64]:
+def unexplained(equations: Equations) -> NDArray[np.float64]:
     """Return the part of the records of one configuration that no spindle explains, in units of the allowed error."""
     weight = 1.0 / (np.abs(equations.measured) * np.hypot(equations.deviation, _ERROR))
     columns = equations.products * weight[..., None]
