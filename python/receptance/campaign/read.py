@@ -93,8 +93,10 @@ def campaign_fields(
         builder.store(cuts, name, build_cut, name, reader, measurements)
     _check_stability(table, problems)
     blanks = blanks_of(table)
-    on_blanks = {name: one for name, one in measurements.items() if table.measurements[name].assembly in blanks}
-    measurements = {name: one for name, one in measurements.items() if name not in on_blanks}
+    on_blanks = {
+        name: observation for name, observation in measurements.items() if table.measurements[name].assembly in blanks
+    }
+    measurements = {name: observation for name, observation in measurements.items() if name not in on_blanks}
     _check_weights(measurements, table, problems)
     if table.catalogue is not None and not table.catalogue.machine and table.catalogue.spindle is None:
         text = "is empty, expected what is behind the holder, or `spindle` with the name of a measured one"

@@ -114,7 +114,7 @@ class SpindleIdentification(Result):
             "Condition: amplification of a relative error of the records. Standard deviation: that of the least known "
             f"term, median of the band; a line is usable below {100.0 * self.table.limit:g} %."
         )
-        checked = [(one.name, one.lines, one.decibel, one.deviations) for one in self.checked]
+        checked = [(record.name, record.lines, record.decibel, record.deviations) for record in self.checked]
         against = (
             "record",
             Column("lines", form="d"),
@@ -179,9 +179,9 @@ class SpindleIdentification(Result):
         share = float(np.mean(self.table.usable))
         if share < _FEW:
             found.append(self._limit_of_noise(share))
-        off = [one for one in self.checked if one.deviations > _OFF]
+        off = [record for record in self.checked if record.deviations > _OFF]
         if off:
-            names = ", ".join(f"{one.name} ({one.deviations:.1f})" for one in off)
+            names = ", ".join(f"{record.name} ({record.deviations:.1f})" for record in off)
             found.append(
                 f"held-out records are off by more than noise and spindle explain, in standard deviations: {names}. "
                 "The blank differs from its description, or the spindle has changed, warm and cold for example"
@@ -253,27 +253,30 @@ def spindle_of_campaign(
     with errors_about(campaign.file, f"spindles.{title}: "):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ReceptanceWarning)
-            found = identify_spindle(
+            receptances = identify_spindle(
                 list(used.values()), limit=limit, tolerances=errors, allow_mismatch=True, threads=campaign.threads
             )
-        if found.mismatch:
-            raise ValueError(found.mismatch)
+        if receptances.mismatch:
+            raise ValueError(receptances.mismatch)
         fitted = None
         if as_modes:
             campaign.progress(f"fitting modes of {title}")
             fitted = fit_spindle(
-                list(used.values()), found, modes=modes, name=title, tolerances=errors, threads=campaign.threads
+                list(used.values()), receptances, modes=modes, name=title, tolerances=errors, threads=campaign.threads
             )
-        checked = tuple(_check(campaign, m, record, found, fitted) for m, record in held_out.items())
-    own = [*found.notes, *(() if fitted is None or fitted.identification is None else fitted.identification.notes)]
+        checked = tuple(_check(campaign, m, record, receptances, fitted) for m, record in held_out.items())
+    own = [
+        *receptances.notes,
+        *(() if fitted is None or fitted.identification is None else fitted.identification.notes),
+    ]
     notes = [*campaign.notes, *(note for note in own if not any(one.endswith(note) for one in campaign.notes))]
     return SpindleIdentification(
         name=title,
-        table=found,
+        table=receptances,
         modes=fitted,
-        bands=tuple(bands_of(found)),
-        not_common=tuple(_not_common(used, found)),
-        checked=tuple(one for one in checked if one is not None),
+        bands=tuple(bands_of(receptances)),
+        not_common=tuple(_not_common(used, receptances)),
+        checked=tuple(record for record in checked if record is not None),
         notes=tuple(dict.fromkeys(notes)),
         provenance=campaign.provenance(),
     )
@@ -294,19 +297,19 @@ def chosen_spindle(campaign: CampaignData, name: str | None) -> str:
 def _check(
     campaign: CampaignData, name: str, record: Observation, table: SpindleReceptance, modes: SpindleModes | None
 ) -> CheckedRecord | None:
-    """Compare a held-out record with the prediction by the spindle on the lines on which this is known."""
+    """Compare a held-out record with the prediction by the spindle on the lines on which this is covered_record."""
     part = table.part() if modes is None else modes.part
     errors: list[Tolerance] = [*campaign.errors_of([name]), *(() if modes is None else modes.tolerances)]
-    known = record.select(part.covers(record.frequency_hz.real))
-    if not known.frequency_hz.size:
+    covered_record = record.select(part.covers(record.frequency_hz.real))
+    if not covered_record.frequency_hz.size:
         return None
-    blank = known.assembly
+    blank = covered_record.assembly
     machine = Assembly([*blank.elements.values(), part], blank.attachments.values())
-    predicted = Predictor(threads=campaign.threads).at(Site(machine, known.configuration, name), errors)
-    frf = predicted.receptance(known.frequency_hz, known.response, known.excitation)
-    ratio = np.log(known.receptance / frf.receptance)
+    predicted = Predictor(threads=campaign.threads).at(Site(machine, covered_record.configuration, name), errors)
+    frf = predicted.receptance(covered_record.frequency_hz, covered_record.response, covered_record.excitation)
+    ratio = np.log(covered_record.receptance / frf.receptance)
     assert frf.phase_scatter is not None
-    noise = np.asarray(known.standard_deviation) if known.weighted else np.zeros(ratio.size)
+    noise = np.asarray(covered_record.standard_deviation) if covered_record.weighted else np.zeros(ratio.size)
     off = np.stack(
         [ratio.real / np.hypot(frf.scatter.total, noise), ratio.imag / np.hypot(frf.phase_scatter.total, noise)]
     )

@@ -374,7 +374,7 @@ def campaign_text(
                     "conditions": {"overhang": mm(overhang)},
                 },
             )
-            for name, overhang in {one.assembly: one.overhang for one in measurements}.items()
+            for name, overhang in {measurement.assembly: measurement.overhang for measurement in measurements}.items()
         ),
         no_sensor="" if sensor else _NO_SENSOR,
         no_hold_out="" if any(measurement.held_out for measurement in measurements) else _NO_HOLD_OUT,

@@ -159,7 +159,7 @@ class ModeGrowth:
         """Return the cost and the variables at the end of a fit of modes within their bounds `(k, 6, 2)`."""
         sides = [self._scaled(bounds[..., side]).reshape(-1) for side in (0, 1)]
         rest = (self.residual_bounds / self._entry_scale[:, None]).T
-        limits = np.ascontiguousarray([np.append(side, own) for side, own in zip(sides, rest, strict=True)])
+        limits = np.ascontiguousarray([np.append(side, bound) for side, bound in zip(sides, rest, strict=True)])
         core = _core.Problem(np.zeros(x.size, dtype=np.bool_), limits, np.zeros((0, 3)), _checks.thread_count(1))
         core.add_function(self._evaluate)
         start = np.ascontiguousarray(np.clip(x, *limits)[None])

@@ -217,7 +217,7 @@ def adequacy_of(task: Task, residual: NDArray[np.float64], root: NDArray[np.floa
         observations.append(observation)
         parts.append(part)
     free = sum(unknown.prior is None for unknown in task.parameters.unknowns)
-    expected = max(sum(one.independent_values for one in observations) - free, 1.0)
+    expected = max(sum(observation.independent_values for observation in observations) - free, 1.0)
     chi_square = float(sum(part @ part for part in parts) + priors @ priors)
     return judge(observations, parts, chi_square, expected, strain_of(task, residual, root))
 

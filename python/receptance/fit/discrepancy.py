@@ -97,9 +97,11 @@ class Discrepancy:
 
     def allow(self, observations: Sequence[Observation], configurations: Sequence[str]) -> tuple[Observation, ...]:
         """Return the observations of these configurations with variances that include the discrepancy."""
-        measured = [name for name, one in zip(configurations, observations, strict=True) if one.is_receptance]
+        measured = [
+            name for name, observation in zip(configurations, observations, strict=True) if observation.is_receptance
+        ]
         pairs = zip(observations, configurations, strict=True)
-        return tuple(self.enlarge(one, max(measured.count(name), 1)) for one, name in pairs)
+        return tuple(self.enlarge(observation, max(measured.count(name), 1)) for observation, name in pairs)
 
     def enlarge(self, observation: Observation, records: int = 1) -> Observation:
         """Return an observation with variances that include the discrepancy, one of so many of its configuration."""

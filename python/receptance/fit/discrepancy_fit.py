@@ -304,13 +304,13 @@ def _errors(task: Task, fitted: Sequence[Observation], residual: NDArray[np.floa
 
 def _join(errors: Sequence[_Errors]) -> _Errors:
     """Return all errors together."""
-    count = sum(one.count for one in errors)
-    before = np.cumsum([0, *(one.count for one in errors)])
+    count = sum(group.count for group in errors)
+    before = np.cumsum([0, *(group.count for group in errors)])
     modes = [
         np.where(error.modes < error.count, i + error.modes, count) for i, error in zip(before, errors, strict=False)
     ]
     names = ("values", "noise", "slopes", "factors", "sizes", "kinds", "has_remainder")
-    joined: dict[str, Any] = {name: np.concatenate([getattr(one, name) for one in errors]) for name in names}
+    joined: dict[str, Any] = {name: np.concatenate([getattr(group, name) for group in errors]) for name in names}
     return _Errors(**joined, modes=np.concatenate(modes), count=count)
 
 
@@ -344,7 +344,7 @@ def _separate(values: NDArray[np.float64], spread: NDArray[np.float64], kind: in
 
 def _errors_of_records(records: Sequence[tuple[Observation, NDArray[np.float64]]], shift: float) -> _Errors:
     """Return the errors of the receptances of a configuration: the real parts of all, then the imaginary parts."""
-    curves = [curve_of(one) for one, _ in records]
+    curves = [curve_of(record) for record, _ in records]
     peaks = [curve.peaks_hz for curve in curves]
     every = np.sort(np.concatenate(peaks))
     # Peaks of several records close to each other are one mode of the configuration.

@@ -232,27 +232,27 @@ def _judged(fit: Identification, most: int, tolerance: float) -> Identification:
             return fit
         task = fit.task.resonant
         try:
-            found = fit_discrepancy(task, fit.vector)
+            widened = fit_discrepancy(task, fit.vector)
         except ReceptanceError:
             return fit
         problem = fit.task.problem()
-        end = problem.fit_one(found.end.x, most, tolerance=tolerance)
+        end = problem.fit_one(widened.end.x, most, tolerance=tolerance)
         if not end.cost < min(run.cost for run in fit.starts) - _BETTER:
             break
         runs = [*fit.starts, _start_of(problem, fit, end)]
         fit = conclude(fit.task, problem, runs, loss=None, seed=fit.seed, notes=list(fit.notes))
-    return _beside_discrepancy(fit, task, found)
+    return _beside_discrepancy(fit, task, widened)
 
 
-def _beside_discrepancy(fit: Identification, task: Task, found: DiscrepancyFit) -> Identification:
+def _beside_discrepancy(fit: Identification, task: Task, widened: DiscrepancyFit) -> Identification:
     """Return the fit repeated with a discrepancy that is sufficient."""
     with suppress(ReceptanceError):
-        found = sufficient(task, found)
-    notes = [*fit.notes, *_discrepancy_notes(fit.task, found.discrepancy)]
-    problem = found.task.problem()
-    run = _start_of(problem, fit, found.end)
+        widened = sufficient(task, widened)
+    notes = [*fit.notes, *_discrepancy_notes(fit.task, widened.discrepancy)]
+    problem = widened.task.problem()
+    run = _start_of(problem, fit, widened.end)
     again = conclude(
-        found.task, problem, [run], loss=None, seed=fit.seed, notes=notes, adequacy=fit.adequacy, searched=fit.starts
+        widened.task, problem, [run], loss=None, seed=fit.seed, notes=notes, adequacy=fit.adequacy, searched=fit.starts
     )
     return replace(again, starts=fit.starts)
 

@@ -360,7 +360,7 @@ class PredictedAssembly:
         def receptance(assembly: Assembly) -> NDArray[np.complex128]:
             return assembly.receptance(frequency_hz, **options)
 
-        several = [one for one in self.drawn_receptances(receptance, linear, draws, seed) if one is not None]
+        several = [drawn for drawn in self.drawn_receptances(receptance, linear, draws, seed) if drawn is not None]
         if 2 * len(several) < draws:
             raise ReceptanceError(f"only {len(several)} of {draws} vectors drawn from the posterior have a model")
         drawn = np.array(several, np.complex128).reshape(-1, linear.receptance.size)
