@@ -20,7 +20,9 @@ from receptance import _core
 from receptance.diagnosis.line_selection import on_few_lines, thin
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import (
+    AT_BOUND,
     BEHIND,
+    CONTINUED_BASE,
     CONTINUED_STARTS,
     CONVERGED,
     DIFFERENT_END,
@@ -111,8 +113,21 @@ class Fit:
 
     @cached_property
     def basis(self) -> NDArray[np.float64]:
-        """Orthonormal columns that span the derivatives of the residuals."""
-        return np.linalg.qr(self.problem.jacobian(self.x))[0]
+        """Orthonormal columns that span the derivatives of the residuals by the variables that no bound holds.
+
+        A variable beyond its bound would explain residuals that the fit cannot.
+        """
+        slopes = self.problem.jacobian(self.x)
+        return np.linalg.qr(slopes[:, ~self._held(slopes.T @ self.residual)])[0]
+
+    def _held(self, gradient: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return the mask of variables at a bound beyond which chi-square decreases."""
+        low, high = self.task.variables.limits
+        near = AT_BOUND * (high - low)
+        held: NDArray[np.bool_] = ((self.x - low <= near) & (gradient > 0.0)) | (
+            (high - self.x <= near) & (gradient < 0.0)
+        )
+        return held
 
     @cached_property
     def chi_square_on_few_lines(self) -> float:
@@ -191,7 +206,13 @@ def fit_base(model: Model) -> Fit:
     best = min(runs, key=lambda run: run.cost)
     if not np.isfinite(best.cost):
         raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {best.message}")
-    return refit(model, best.values, evaluations=problem.evaluations)
+    fit = refit(model, best.values, evaluations=problem.evaluations)
+    for _ in range(CONTINUED_BASE):
+        # A fit on its way says nothing about the model.
+        if fit.converged or fit.adequacy.passed:
+            break
+        fit = continued(fit)
+    return fit
 
 
 def refit(model: Model, start: Mapping[str, float], *, evaluations: int = 0) -> Fit:

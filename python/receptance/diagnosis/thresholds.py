@@ -29,6 +29,11 @@ EVALUATIONS = 100
 """Most evaluations of a fit on all lines."""
 EVALUATIONS_OF_BASE = 200
 """Most evaluations from each start of the base on few lines."""
+CONTINUED_BASE = 4
+"""Most continuations of the base on all lines, each with as many evaluations, while it is neither converged nor
+adequate."""
+AT_BOUND = 1e-6
+"""Largest distance from a bound, as a share of the range, of a variable that the bound may hold."""
 EVALUATIONS_EXPLORING = 30
 """Most evaluations of a fit on few lines."""
 TOLERANCE_OF_BASE = 1e-10
