@@ -7,7 +7,9 @@ fitted first, whatever the spindle is (`spindle_elimination`), and the modes are
 (`mode_growth`). With fewer records the modes are those that explain the records with the parameters held, from several
 starts of these. Both end with a fit of everything on some of the lines.
 
-Shapes are complex: dampers at bearings couple the modes.
+Shapes are complex: dampers at bearings couple the modes. With fewer records they are real until the end: on each line
+three records alone determine the three receptances of the spindle for any joint, and modes of complex shapes that
+imitate each other then explain the records behind a wrong one.
 """
 
 from __future__ import annotations
@@ -54,6 +56,8 @@ _SAME = 0.1
 """Relative distance within which a peak belongs to a mode with a given frequency."""
 _UNWEIGHTED = 0.01
 """Relative standard deviation of observations without one."""
+_DRAWN = 3
+"""Starts of the parameters before the plane that are drawn in addition to the given ones."""
 _LINES = 200
 """Lines of each FRF in the fit of everything."""
 _EVALUATIONS = 60
@@ -164,9 +168,9 @@ def start_modes(
 ) -> tuple[list[Unknown], list[Tolerance]]:
     """Return unknowns and tolerances with starts for a fit of the modes of the part `name` and of all others.
 
-    The observations all have standard deviations or none; the unknowns include those of `bounds_of_modes`. `starts` is
-    the number of starts, drawn with the seed, of the parameters before the plane where the records do not determine the
-    spindle line by line. Observations without a common line leave the starts as they are.
+    The observations all have standard deviations or none; the unknowns include those of `bounds_of_modes`. Where the
+    records do not determine the spindle line by line, the parameters before the plane have `starts` and some more
+    starts, drawn with the seed. Observations without a common line leave the starts as they are.
     """
     if not all(observation.weighted for observation in observations):
         # Without weights only the relative sizes of residuals count, here all alike.
@@ -184,20 +188,20 @@ def start_modes(
     if spindle is not None:
         before = [(spindle.values, around_solution(spindle.equations, spindle.entries))]
     else:
-        before = [(records.named(x), of_records(records.equations(x))) for x in records.starts(starts, seed)]
+        before = [(records.named(x), of_records(records.equations(x))) for x in records.starts(starts + _DRAWN, seed)]
     sites = [observation.site(i) for i, observation in enumerate(observations)]
     units: list[Unit] = ["standard deviations"] * len(observations)
     fits = []
     for values, rows in before:
-        begun = [*_started(others, values), *part.grown(records.lines_hz, rows)]
+        begun = [*_started(others, values), *part.grown(records.lines_hz, rows, real=spindle is None)]
         errors = [replace(tolerance, start=values.get(tolerance.name, 0.0)) for tolerance in tolerances]
         parameters = Parameters(begun, errors, sites)
         task = Task(tuple(observations), parameters, tuple(units), threads=threads)
-        fits.append((_fitted(task, name), task, begun))
+        fits.append((_fitted(task, name, real=spindle is None), task, begun))
     end, task, begun = min(fits, key=lambda fit: fit[0].cost)
     values = dict(zip(task.variables.names, task.variables.to_values(end.x).tolist(), strict=True))
     errors = [replace(tolerance, start=values[tolerance.name]) for tolerance in tolerances]
-    return _turned(_started(begun, values), name), errors
+    return _turned(_ascending(_started(begun, values), name), name), errors
 
 
 def _started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[Unknown]:
@@ -208,6 +212,26 @@ def _started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[U
         else unknown
         for unknown in unknowns
     ]
+
+
+def _ascending(unknowns: Sequence[Unknown], name: str) -> list[Unknown]:
+    """Return unknowns of which modes with the same unknowns and bounds start in the order of their frequencies."""
+    modes: dict[str, dict[str, Unknown]] = {}
+    for unknown in unknowns:
+        match = _MODE.fullmatch(unknown.address)
+        if match and match[1] == name:
+            modes.setdefault(match[2], {})[match[3]] = unknown
+    alike: dict[tuple[tuple[str, float, float], ...], list[dict[str, Unknown]]] = {}
+    for mode in modes.values():
+        key = tuple((quantity, unknown.lower, unknown.upper) for quantity, unknown in mode.items())
+        alike.setdefault(key, []).append(mode)
+    starts: dict[str, float | None] = {}
+    for group in alike.values():
+        frequency = QUANTITIES[0]
+        ascending = sorted(group, key=lambda mode: mode[frequency].start or 0.0) if frequency in group[0] else group
+        for mode, other in zip(group, ascending, strict=True):
+            starts |= {unknown.name: other[quantity].start for quantity, unknown in mode.items()}
+    return [replace(unknown, start=starts.get(unknown.name, unknown.start)) for unknown in unknowns]
 
 
 def _turned(unknowns: Sequence[Unknown], name: str) -> list[Unknown]:
@@ -233,12 +257,17 @@ def _sizes(observation: Observation) -> NDArray[np.float64]:
     return np.ones(frequency.size) if observation.is_receptance else frequency
 
 
-def _fitted(task: Task, name: str) -> End:
-    """Return the end of a fit on some lines: of the modes alone, then of everything."""
+def _fitted(task: Task, name: str, *, real: bool) -> End:
+    """Return the end of a fit on some lines: of the modes alone, then of everything; of real shapes first if `real`."""
     variables, problem = task.variables, task.problem()
     few = problem.thinned(_LINES) or problem
     modes = np.array([title.startswith(f"{name}.") for title in variables.names])
-    end = few.fit_one(variables.start, _EVALUATIONS, free=modes, least=_LEAST)
+    shapes = np.array([title.endswith("_imaginary") for title in variables.names])
+    if real:
+        end = few.fit_one(variables.start, _EVALUATIONS, free=modes & ~shapes, least=_LEAST)
+        end = few.fit_one(end.x, _EVALUATIONS, free=~shapes, least=_LEAST)
+    else:
+        end = few.fit_one(variables.start, _EVALUATIONS, free=modes, least=_LEAST)
     return few.fit_one(end.x, _EVALUATIONS, least=_LEAST)
 
 
@@ -251,8 +280,10 @@ class _Modes:
     unknowns: Mapping[str, Unknown]
     """Unknowns of the part by address."""
 
-    def grown(self, lines_hz: NDArray[np.inexact], rows: Callable[[NDArray[np.complex128]], Rows]) -> list[Unknown]:
-        """Return the unknowns with starts for modes that were added one at a time.
+    def grown(
+        self, lines_hz: NDArray[np.inexact], rows: Callable[[NDArray[np.complex128]], Rows], *, real: bool
+    ) -> list[Unknown]:
+        """Return the unknowns with starts for modes that were added one at a time, with shapes as described if `real`.
 
         The imaginary part of the shape of a mode above the lines is kept; it is no unknown any more.
         """
@@ -266,8 +297,13 @@ class _Modes:
         residuals = [getattr(self.part, quantity) for quantity in RESIDUALS]
         limits = np.array([self._bounds(name, value) for name, value in zip(RESIDUALS, residuals, strict=True)])
         above = self._above(bounds, np.array(described), float(lines_hz.real[-1]))
-        growth = ModeGrowth(lines_hz=lines_hz, rows=rows, bounds=bounds, above=above, residual_bounds=limits)
+        added = bounds.copy()
+        if real:
+            added[:, _KEPT] = np.array(described)[:, _KEPT, None]
+        growth = ModeGrowth(lines_hz=lines_hz, rows=rows, bounds=added, above=above, residual_bounds=limits)
         modes, chosen, rest = growth.grown(residuals)
+        below = chosen[:, 0, 0] == bounds[:, 0, 0]
+        chosen[below] = bounds[below]
         modes, chosen = _in_order(modes, chosen, bounds)
         numbers = dict(zip((f"{self.name}.{quantity}" for quantity in RESIDUALS), rest.tolist(), strict=True))
         sides: dict[str, tuple[float, float]] = {}
