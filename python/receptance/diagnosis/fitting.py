@@ -117,7 +117,11 @@ class Fit:
 
         A variable beyond its bound would explain residuals that the fit cannot.
         """
-        slopes = self.problem.jacobian(self.x)
+        try:
+            # The problem would keep them.
+            slopes = self.problem.rows(self.x, np.ones(self.x.size, dtype=np.bool_))[1]
+        except InfeasibleError:
+            slopes = np.zeros((self.problem.size, self.x.size))
         return np.linalg.qr(slopes[:, ~self._held(slopes.T @ self.residual)])[0]
 
     def _held(self, gradient: NDArray[np.float64]) -> NDArray[np.bool_]:

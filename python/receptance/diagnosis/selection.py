@@ -52,6 +52,7 @@ from receptance.diagnosis.thresholds import (
     LEAST_SHARE,
     LOOK_ALIKE,
     MARGIN,
+    OVERSTATED,
     PREDICTED_SHARE,
     ROOTS,
     SCREENING_LIMIT,
@@ -322,6 +323,8 @@ class Search:
             return []
         found: list[Explanation] = []
         best = roots[0]
+        if best.passed and best.fit.misfit < OVERSTATED:
+            return []
         threshold = max(own.threshold, 0.0)
         extends_all = not best.passed
         for root in roots[:ROOTS]:
@@ -337,12 +340,20 @@ class Search:
             ]
             extends_all = extends_all or bool(likely)
             chosen = _first_of_each(rank(likely, own.penalty))
+            if best.passed:
+                # From a worse start, the same causes lead to no other fit.
+                chosen = [effect for effect in chosen if not self._is_tried(root.ids | {effect.cause.id})]
             for one in self._fit(root.steps, root.fit, chosen if is_unreliable else chosen[:ADDED_CAUSES]):
                 own.tried = best_of_each([*own.tried, one])
                 if one.evidence > best.evidence + max(own.threshold, ADDED_EVIDENCE):
                     own.add(one)
                     found.append(one)
         return best_of_each(found)
+
+    def _is_tried(self, ids: frozenset[str]) -> bool:
+        """Return whether causes were fitted together."""
+        own = self.selection
+        return any(one.ids == ids for one in (*own.tried, *own.explanations))
 
     def _predicts_nothing_beside(self, root: Explanation) -> bool:
         """Return whether no other cause is predicted to have evidence beside an adequate explanation by one cause."""
@@ -379,6 +390,11 @@ class Search:
             own.evaluations += root.evaluations
             ranked = rank(self._effects_of_others(root, frozenset(cause.id for cause, _ in kept)), own.penalty)
             others = _first_of_each([one for one in ranked if one.cause.id != removed.cause.id])
+            before = next((one for one in own.explanations if one.steps == kept), None)
+            if before is not None and root.chi_square > before.fit.chi_square - MARGIN:
+                # They have been added to the same fit.
+                kept_ids = frozenset(cause.id for cause, _ in kept)
+                others = [one for one in others if not self._is_tried(kept_ids | {one.cause.id})]
             same = [one for one in ranked if one.cause.id == removed.cause.id]
             for one in self._fit(kept, root, same + others[:ADDED_CAUSES]):
                 own.add(one)

@@ -82,6 +82,9 @@ MARGIN = 10.0
 justify a fit on all lines."""
 ADDED_EVIDENCE = 20.0
 """Evidence that a further cause must add. An unknown effect is often imitated by a pair of weak causes."""
+OVERSTATED = 0.8
+"""Misfit of an adequate explanation below which no further cause is sought: its residuals are smaller than the stated
+noise."""
 ROOTS = 3
 """Explanations to which further causes are added."""
 ADDED_CAUSES = 6
