@@ -200,7 +200,9 @@ def select_without(selection: Selection, configurations: Sequence[str]) -> Selec
     limit = behind_limit(_on_others(selection.base, configurations), remaining.values())
     singles = selection.held_out_singles
     chosen = [one for one in every if remaining[one] <= limit or one in singles]
-    both = [*chosen, *selection.alternatives]
+    # One that is far behind on the other configurations does not compete in any of them.
+    alternatives = [one for one in selection.alternatives if _on_others(one.fit, configurations) <= limit]
+    both = [*chosen, *alternatives]
     fits = list(in_parallel([partial(_refit, found, one, configurations) for one in both], selection.workers))
     found.add(*(fit for fit in fits[: len(chosen)] if fit is not None))
     found.alternatives += [fit for fit in fits[len(chosen) :] if fit is not None]

@@ -502,8 +502,9 @@ class Search:
         # The penalty is that of all lines: it is smaller beside chi-square on few lines, as that of the base is.
         share = base.chi_square_on_few_lines / base.chi_square
         explored = sorted(found.items(), key=lambda pair: pair[1].chi_square + share * own.penalty * pair[0].count)
+        limit = behind_limit(base.chi_square_on_few_lines, (best.fit.chi_square_on_few_lines,))
         # Only the best variant of each is fitted: neighbouring frequencies lead to the same end point.
-        finished = _first_causes(explored, FINISHED)
+        finished = _first_causes([pair for pair in explored if pair[1].chi_square <= limit], FINISHED)
         titles = [f"no cause: {direction.cause.meaning}, on all lines" for direction, _ in finished]
         fits = [few.finish for _, few in finished]
         for (direction, few), fit in zip(finished, self._each("alternatives", titles, fits), strict=True):
