@@ -60,7 +60,7 @@ def true_limit(p: Numbers, cut: Cut, speed_rpm: float) -> float:
     return stable_limit(cut, LINES, tip[:, :, None] * np.eye(2), speed_rpm)[0]
 
 
-def recommend(seed: int, index: int, modes: int, threads: int) -> Row:
+def recommend(seed: int, index: int, modes: int | str, threads: int) -> Row:
     """Identify a machine, compute its lobes as a user would, and return each recommended depth over the true limit."""
     from receptance import campaign
 
