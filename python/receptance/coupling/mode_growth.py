@@ -38,7 +38,7 @@ _TRIED = 3
 """Number of the best candidates that are fitted."""
 _APART = 0.1
 """Least relative distance of the natural frequencies of two of them."""
-_EVALUATIONS = 80
+_EVALUATIONS = 40
 """Largest number of evaluations of each of these fits."""
 _TOLERANCE = 1e-5
 """Relative change at which they have converged."""
