@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from receptance import FRF, Assembly, Coordinate, MeasuredPart, ModalPart, Mode, Part, PointJoint, Segment, campaign, io
-from receptance.campaign import CampaignError
+from receptance.campaign import CampaignCheck, CampaignError
 from receptance.cli import main
 from receptance.diagnosis.causes import Cause, Parameter, Variant
 from receptance.diagnosis.model import Model
@@ -249,6 +249,9 @@ BY_EVIDENCE = AUTOMATIC.replace("modes = [{}, {}]", 'modes = "auto"')
 
 def test_the_records_choose_the_number_of_modes(tmp_path: Path) -> None:
     loaded = write_campaign(tmp_path, BY_EVIDENCE, step=2)
+    text = "\n".join(CampaignCheck(loaded).sentences())
+    assert "5 unknowns" in text
+    assert "The records choose the number of modes of spindle." in text
     fit = loaded.identify()
     assert fit.stabilised is not None
     chosen = fit.stabilised["spindle"]
