@@ -27,16 +27,20 @@ from receptance.errors import ReceptanceError
 from receptance.fit.adequacy import MISFIT_LIMIT, strain_of
 from receptance.fit.discrepancy import DISCREPANCIES, Discrepancy, curve_of
 from receptance.fit.observation import Observation
-from receptance.fit.problem import End, Task
+from receptance.fit.problem import COST_SETTLED, UNFINISHED, End, Problem, Task
 
 FREQUENCY, LEVEL, DAMPING, REMAINDER = range(4)
 """Kinds of errors: of natural frequencies, of the level of a mode, of damping ratios, and of each line."""
 SAME_MODE = 0.06
 """Relative difference of two peak frequencies up to which they are the same mode."""
-_EVALUATIONS = 100
-"""Most evaluations of a fit."""
+_EVALUATIONS = 20
+_BLOCKS = 10
+"""Evaluations of a block of a fit, and most blocks."""
 _CONVERGED = 1e-3
-"""Predicted decrease of chi-square by the next step below which a fit has converged."""
+"""Predicted decrease of the cost by the next step below which a fit has converged."""
+_SETTLED = 0.25
+"""Decrease of the cost by a block below which a fit has converged: an eighth of that by one standard error. Modes
+above the lines have long curved valleys, in which the region of a step stays small and the cost falls for ever."""
 _ROUNDS = 6
 """Most repetitions of the estimate and of the fit."""
 _STEPS = 60
@@ -122,7 +126,7 @@ def sufficient(task: Task, found: DiscrepancyFit) -> DiscrepancyFit:
         return found
     is_error = np.array([unknown.name in task.parameters.errors for unknown in task.variables.unknowns])
     nominal = np.where(is_error, 0.0, found.end.x)
-    end = task.problem().fit_one(nominal, _EVALUATIONS, free=~is_error, least=_CONVERGED)
+    end = settled_fit(task.problem(), nominal, free=~is_error, least=_CONVERGED)
     residual = task.problem().residual(end.x)
     if not np.isfinite(residual).all():
         return found
@@ -156,6 +160,24 @@ def expected_chi_square(task: Task) -> float:
     return max(task.independent_values - free, 1.0)
 
 
+def settled_fit(problem: Problem, start: NDArray[np.float64], **settings: Any) -> End:
+    """Return the end of a fit that has converged as well where a block of evaluations hardly lowers the cost.
+
+    `settings` are those of `Problem.fit`.
+    """
+    end = problem.fit_one(start, _EVALUATIONS, **settings)
+    evaluations = end.evaluations
+    for _ in range(_BLOCKS - 1):
+        if end.status != UNFINISHED:
+            break
+        before = end.cost
+        end = problem.fit_one(end.x, _EVALUATIONS, **settings)
+        evaluations += end.evaluations
+        if end.status == UNFINISHED and before - end.cost < _SETTLED:
+            end = end._replace(status=COST_SETTLED)
+    return end._replace(evaluations=evaluations)
+
+
 def _with(task: Task, discrepancy: Discrepancy, start: NDArray[np.float64], found: DiscrepancyFit) -> DiscrepancyFit:
     allowed = task.allow(discrepancy)
     return replace(found, task=allowed, end=_refit(allowed, start))
@@ -163,7 +185,7 @@ def _with(task: Task, discrepancy: Discrepancy, start: NDArray[np.float64], foun
 
 def _refit(task: Task, start: NDArray[np.float64]) -> End:
     problem = task.problem()
-    end = problem.fit_one(start, _EVALUATIONS, least=_CONVERGED)
+    end = settled_fit(problem, start, least=_CONVERGED)
     if not np.isfinite(end.cost):
         raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {problem.reason(end.x)}")
     return end
