@@ -81,10 +81,28 @@ def recommend(seed: int, index: int, modes: int, threads: int) -> Row:
                 "ratios": ratios,
                 "rejected": bool(lobes.rejection.unusable),
                 "banded": lobes.probability is not None,
-                "reason": " ".join(lobes.rejection)[:200],
+                "reason": " ".join(lobes.rejection)[:400],
             }
         )
-    return {"rms": float(fit.rms), "converged": bool(fit.converged), "cuts": cuts}
+    return {
+        "rms": float(fit.rms),
+        "converged": bool(fit.converged),
+        "adequate": fit.adequacy.passed,
+        "usable": not fit.rejection.unusable,
+        "discrepancy": None if fit.task.discrepancy is None else fit.task.discrepancy.data(),
+        "cuts": cuts,
+    }
+
+
+REFUSALS = ("fit not converged", "no error of the model explains the data", "the cut")
+"""Why a cut has no depth: the fit, or the lobes of a fit that can be used."""
+
+
+def refusal(row: Row, cut: Row) -> str:
+    """Return why a cut has no depth; empty where it has."""
+    if cut["ratios"]:
+        return ""
+    return REFUSALS[2] if row["usable"] else REFUSALS[1] if row["converged"] else REFUSALS[0]
 
 
 # The table ------------------------------------------------------------------------------------------------------------
@@ -99,7 +117,7 @@ def _lines(row: Row) -> list[str]:
     return [
         f"{row['index']:7d}  {'measured' if cut['measured'] else 'not measured':<12} {row['rms']:5.2f} "
         f"{row['processor']:5.0f}  "
-        + (" ".join(f"{ratio:.2f}" for ratio in cut["ratios"]) or "refused")
+        + (" ".join(f"{ratio:.2f}" for ratio in cut["ratios"]) or f"refused: {refusal(row, cut)}")
         + (" (rejected)" if cut["rejected"] and cut["ratios"] else "")
         for cut in row["cuts"]
     ]
@@ -120,11 +138,20 @@ def totals(rows: Sequence[Row]) -> list[str]:
         lines.append(share(title, [r for r in ratios if r > 1.0], ratios, "<= 5 %"))
     deepest = [cut["ratios"][0] for cut in stated]
     lines.append(share("   the deepest of each cut", [ratio for ratio in deepest if ratio > 1.0], deepest))
-    ratios = [ratio for cut in stated for ratio in cut["ratios"]]
+    machines = [[ratio for cut in row["cuts"] for ratio in cut["ratios"]] for row in rows if "failure" not in row]
+    advised = [ratios for ratios in machines if ratios]
+    lines.append(share("machines with a depth above the limit", [one for one in advised if max(one) > 1.0], advised))
+    ratios = [ratio for one in advised for ratio in one]
     if ratios:
-        low, middle, high = np.quantile(ratios, [0.1, 0.5, 0.9])
-        lines.append(f"depth over true limit: median {middle:.2f}, 80 % between {low:.2f} and {high:.2f}")
-        lines.append(f"largest {max(ratios):.2f}; without a band {sum(not cut['banded'] for cut in stated)} cuts")
-    lines.append(share("cuts without a number (refused)", [cut for cut in cuts if not cut["ratios"]], cuts))
+        losses = 100.0 * (1.0 - np.quantile(ratios, [0.9, 0.5, 0.1]))
+        lines.append(
+            "loss against the true limit: median {1:.1f} %, 80 % between {0:.1f} and {2:.1f} %".format(*losses)
+        )
+        lines.append(f"largest depth over true limit {max(ratios):.3f}")
+        lines.append(f"cuts without a band {sum(not cut['banded'] for cut in stated)}")
+    lines.append(share("machines with depths", advised, rows))
+    reasons = [refusal(row, cut) for row in rows for cut in row.get("cuts", ())]
+    lines.append(share("cuts without a number (refused)", [one for one in reasons if one], reasons))
+    lines += [f"   {reasons.count(reason):3d}: {reason}" for reason in REFUSALS if reason in reasons]
     lines.append(share("machines that failed", [row for row in rows if "failure" in row], rows))
     return lines

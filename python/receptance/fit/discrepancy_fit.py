@@ -38,9 +38,10 @@ _BLOCKS = 10
 """Evaluations of a block of a fit, and most blocks."""
 _CONVERGED = 1e-3
 """Predicted decrease of the cost by the next step below which a fit has converged."""
-_SETTLED = 0.25
-"""Decrease of the cost by a block below which a fit has converged: an eighth of that by one standard error. Modes
-above the lines have long curved valleys, in which the region of a step stays small and the cost falls for ever."""
+_SETTLED, _SETTLED_SHARE = 0.25, 1e-3
+"""Decrease of the cost by a block below which a fit has converged: half of that by one standard error, or a share of
+the cost. Modes above the lines have long curved valleys, in which the region of a step stays small and the cost falls
+by little for hundreds of evaluations."""
 _ROUNDS = 6
 """Most repetitions of the estimate and of the fit."""
 _STEPS = 60
@@ -173,7 +174,7 @@ def settled_fit(problem: Problem, start: NDArray[np.float64], **settings: Any) -
         before = end.cost
         end = problem.fit_one(end.x, _EVALUATIONS, **settings)
         evaluations += end.evaluations
-        if end.status == UNFINISHED and before - end.cost < _SETTLED:
+        if end.status == UNFINISHED and before - end.cost < max(_SETTLED, _SETTLED_SHARE * before):
             end = end._replace(status=COST_SETTLED)
     return end._replace(evaluations=evaluations)
 
