@@ -18,8 +18,8 @@ from machine_laboratory.batch import Row, append_row, indices, read_rows, run, s
 from machine_laboratory.generator import Cut, Machine, draw_machine, stable_limit, write
 from machine_laboratory.generator.structure import Numbers, receptances
 
-LINES = np.arange(40.0, 9000.0, 0.5)
-"""Lines of the true tip in Hz."""
+LINES = np.concatenate([np.arange(40.0, 1000.0, 0.1), np.arange(1000.0, 10000.0, 0.5)])
+"""Lines of the true tip in Hz, so dense that limits between them are right to 1e-4."""
 TIP = ("tool", 0.0)
 
 
@@ -54,10 +54,10 @@ def machine_of(seed: int, index: int) -> Machine:
     return draw_machine(int(np.random.SeedSequence([seed, index, 5]).generate_state(1)[0]), end_mill=True)
 
 
-def true_limit(p: Numbers, cut: Cut, speed_rpm: float) -> float:
-    """Return the true limit of a cut in m, without the sensor."""
-    tip = receptances({**p, "sensor.mass": 0.0}, TIP, [TIP], LINES)
-    return stable_limit(cut, LINES, tip[:, :, None] * np.eye(2), speed_rpm)[0]
+def true_limits(p: Numbers, cut: Cut, speeds_rpm: Sequence[float]) -> list[float]:
+    """Return the true limit of a cut in m at each speed, without the sensor."""
+    tip = receptances({**p, "sensor.mass": 0.0}, TIP, [TIP], LINES)[:, :, None] * np.eye(2)
+    return [stable_limit(cut, LINES, tip, speed)[0] for speed in speeds_rpm]
 
 
 def recommend(seed: int, index: int, modes: int, threads: int) -> Row:
@@ -73,8 +73,8 @@ def recommend(seed: int, index: int, modes: int, threads: int) -> Row:
     cuts = []
     for number, cut in machine.cuts:
         lobes = stability[f"c{number}"]
-        advised = [(one.speed_rpm, one.depth) for one in lobes.best_cuts]
-        ratios = [depth / true_limit(machine.truth[number], cut, speed) for speed, depth in advised]
+        limits = true_limits(machine.truth[number], cut, [one.speed_rpm for one in lobes.best_cuts])
+        ratios = [one.depth / limit for one, limit in zip(lobes.best_cuts, limits, strict=True)]
         cuts.append(
             {
                 "measured": number < 2,

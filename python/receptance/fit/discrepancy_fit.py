@@ -114,7 +114,7 @@ def sufficient(task: Task, found: DiscrepancyFit) -> DiscrepancyFit:
 
     Errors of tolerances can absorb an error of the model, so that no line shows it, and the estimate is that of the
     noise. The model with nominal dimensions and materials shows it: the discrepancy is a multiple of that of this
-    model, and the smallest one is found by halvings of the logarithm of the factor.
+    model, and the smallest one is found by halvings of the logarithm of the factor. None is smaller than the estimate.
 
     Parameters
     ----------
@@ -133,13 +133,14 @@ def sufficient(task: Task, found: DiscrepancyFit) -> DiscrepancyFit:
         return found
     unit, _, _ = _most_likely(task, task.selected, residual, found.discrepancy.frequency)
     low, high = min(math.log(found.discrepancy.largest / unit.largest), -math.log(2.0)), 0.0
-    best = _with(task, unit, end.x, found)
+    least = found.discrepancy
+    best = _with(task, unit.at_least(least), end.x, found)
     while not _is_explained(best) and best.discrepancy.largest < DISCREPANCIES[1]:
         low, high = high, high + math.log(2.0)
-        best = _with(task, unit.times(math.exp(high)), best.end.x, found)
+        best = _with(task, unit.times(math.exp(high)).at_least(least), best.end.x, found)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        tried = _with(task, unit.times(math.exp(middle)), best.end.x, found)
+        tried = _with(task, unit.times(math.exp(middle)).at_least(least), best.end.x, found)
         if _is_explained(tried):
             best, high = tried, middle
         else:
