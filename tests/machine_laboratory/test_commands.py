@@ -9,6 +9,7 @@ import os
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from blind.outcome import Outcome
@@ -212,6 +213,19 @@ def test_depths_are_recommended():
     row = depths.recommend(seed=37, index=0, modes=5, threads=1)
     assert [cut["measured"] for cut in row["cuts"]] == [True, False]
     assert all(ratio > 0.0 for cut in row["cuts"] for ratio in cut["ratios"])
+
+
+@pytest.mark.slow
+def test_depths_are_safe_and_stated():
+    """Machines each of which once had unsafe depths or none: by modes above the lines, few lines, modes below."""
+    rows = [depths.recommend(seed=370041, index=index, modes=9, threads=1) for index in (5, 6, 10)]
+    cuts = [cut for row in rows for cut in row["cuts"]]
+    ratios = [ratio for cut in cuts for ratio in cut["ratios"]]
+    assert not any(row["adequate"] for row in rows)
+    assert sum(not cut["ratios"] for cut in cuts) <= 1
+    assert sum(ratio > 1.0 for ratio in ratios) <= 0.05 * len(ratios)
+    assert max(ratios) < 1.02
+    assert np.median(ratios) > 0.9
 
 
 @pytest.mark.slow
