@@ -68,7 +68,7 @@ _SAME = 0.1
 """Relative distance within which a peak belongs to a mode with a given frequency."""
 _UNWEIGHTED = 0.01
 """Relative standard deviation of observations without one."""
-_DRAWN = 3
+_DRAWN = 5
 """Starts of the parameters before the plane that are drawn in addition to the given ones."""
 _TRIED_LINES = 150
 """Largest number of lines on which a further mode is tried."""
