@@ -60,7 +60,7 @@ def true_limits(p: Numbers, cut: Cut, speeds_rpm: Sequence[float]) -> list[float
     return [stable_limit(cut, LINES, tip, speed)[0] for speed in speeds_rpm]
 
 
-def recommend(seed: int, index: int, modes: int, threads: int) -> Row:
+def recommend(seed: int, index: int, modes: int | str, threads: int) -> Row:
     """Identify a machine, compute its lobes as a user would, and return each recommended depth over the true limit."""
     from receptance import campaign
 
