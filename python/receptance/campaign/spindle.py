@@ -41,7 +41,7 @@ _REASONS = {
     "theta/M": "theta/M is not determined",
     "y/M": "y/M is not determined",
     "two solutions": "two spindles fit",
-    "near others": "the lines around are not usable",
+    "noise": "too much noise for an interval",
     "not determined": "no solution",
 }
 _FEW = 0.8
