@@ -239,7 +239,7 @@ def test_modes_are_fitted_to_the_responses() -> None:
     rng = np.random.default_rng(5)
     observed = at_two_places(make_blank(), 0.07, sd=0.01, rng=rng, lines=LINES[::2])
     found = identify_spindle(observed)
-    fit = fit_spindle(observed, found)
+    fit = fit_spindle(observed)
     assert fit.identification.rms < 1.2
     np.testing.assert_allclose([m.frequency_hz for m in fit.part.modes][:3], [1066.8, 1275.7, 2404.6], rtol=0.01)
     true = seen_at_the_plane(make_spindle(), LINES[::2])

@@ -262,7 +262,7 @@ def spindle_of_campaign(
         if as_modes:
             campaign.progress(f"fitting modes of {title}")
             fitted = fit_spindle(
-                list(used.values()), receptances, modes=modes, name=title, tolerances=errors, threads=campaign.threads
+                list(used.values()), modes=modes, name=title, tolerances=errors, threads=campaign.threads
             )
         checked = tuple(_check(campaign, m, record, receptances, fitted) for m, record in held_out.items())
     own = [
