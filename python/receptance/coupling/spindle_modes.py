@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-import scipy
+
 from numpy.typing import ArrayLike, NDArray
 
 from receptance.coupling.blanks import check_blanks
@@ -29,6 +29,8 @@ _MOST_MODES = 24
 """Largest number of modes that is tried."""
 _DISCREPANCIES = (1e-6, 1.0)
 """Range of the relative model error."""
+_STEPS = 200
+"""Values at which its likelihood is computed."""
 _SYMMETRIC = 1e-9
 """Relative size below which an entry of a correlation, or an eigenvalue, is zero."""
 
@@ -328,13 +330,14 @@ def mode_tolerances(part: ModalPart, covariance: ArrayLike) -> tuple[Tolerance, 
 
 
 def _discrepancy(observed: Sequence[Observation], part: ModalPart) -> float:
-    """Return the relative model error by restricted maximum likelihood of the residuals of the fit.
+    """Return the relative model error that the residuals of the fit leave possible.
 
     The errors of the three entries are Gaussian with a common relative standard deviation s, independent at nodes that
     are 0.25 apart in the logarithm of frequency, and linear between them. Let J and K be the derivatives of the
     residuals r with respect to the parameters of the modes and to these errors, and P the projector on the complement
-    of J. Then K^T P r is normal with the covariance W + s^2 W^2, W = K^T P K. In the eigenvectors of W the likelihood,
-    which s maximises, is a product.
+    of J. Then K^T P r is normal with the covariance W + s^2 W^2, W = K^T P K. In the eigenvectors of W this restricted
+    likelihood is a product. The result is the mean of s, each s being as likely before. Its most likely value is often
+    zero where an error as large as that of the modes' numbers would not show.
     """
     addresses = [f"{part.name}.{quantity}" for quantity in part.addresses]
     low = float(np.log(min(observation.frequency_hz[0].real for observation in observed)))
@@ -371,12 +374,11 @@ def _discrepancy(observed: Sequence[Observation], part: ModalPart) -> float:
         growth = 1.0 + np.exp(2.0 * logarithm) * size
         return float(np.sum(np.log(growth) + squares / growth))
 
-    grid = np.log(np.geomspace(*_DISCREPANCIES, 60))
-    best = int(np.argmin([deviance(x) for x in grid]))
-    if best == 0:
-        return 0.0
-    bounds = (grid[best - 1], grid[min(best + 1, grid.size - 1)])
-    return float(np.exp(scipy.optimize.minimize_scalar(deviance, bounds=bounds, method="bounded").x))
+    grid = np.log(np.geomspace(*_DISCREPANCIES, _STEPS))
+    rises = np.array([deviance(x) for x in grid])
+    # Steps of the logarithm are proportional to s.
+    weights = np.exp(grid - 0.5 * (rises - rises.min()))
+    return float(np.sum(weights * np.exp(grid)) / np.sum(weights))
 
 
 def _coupled(observed: Sequence[Observation], part: ModalPart) -> list[Observation]:

@@ -594,6 +594,8 @@ def _mismatch(spindle: SpindleReceptance, equations: Equations) -> str:
 _LOWEST = 2.0
 """The lowest lines are those up to this multiple of the first."""
 _FEWEST_LOWEST = 8
+_LEAST_SHARE = 0.5
+"""Share of the lowest lines that are usable below which they are too few by chance to be judged."""
 _MASS_LIKE = 0.8
 """A negative receptance that shrinks below this share over the lowest lines is that of a mass, which falls as 1/f^2."""
 
@@ -604,6 +606,8 @@ def _negative_stiffness(spindle: SpindleReceptance) -> str:
     Below its modes a structure is a spring, above some of them also a mass, whose negative receptance falls as 1/f^2.
     """
     lines, rows = np.asarray(spindle.frequency_hz).real, np.flatnonzero(spindle.usable)
+    if spindle.usable[(lines >= lines[rows[0]]) & (lines <= _LOWEST * lines[rows[0]])].mean() < _LEAST_SHARE:
+        return ""
     lowest = rows[lines[rows] <= _LOWEST * lines[rows[0]]]
     rows = lowest if lowest.size >= _FEWEST_LOWEST else rows[:_FEWEST_LOWEST]
     if rows.size < _FEWEST_LOWEST or lines[rows[-1]] > 2.0 * _LOWEST * lines[rows[0]]:
