@@ -343,9 +343,7 @@ def test_lines_that_do_not_contain_the_mode_give_no_limit(
     assert words in found.to_html()
 
 
-def test_no_limit_of_any_cut_is_a_negative_result(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
-) -> None:
+def test_no_limit_of_any_cut_is_a_negative_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     monkeypatch.chdir(tmp_path)
     write_tip(tmp_path)
     lines = np.arange(1200.0, 1501.0, 2.0)

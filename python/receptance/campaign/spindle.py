@@ -79,7 +79,7 @@ class SpindleIdentification(Result):
     bands: tuple[LineBand, ...]
     """Usable and other lines, in bands."""
     hits_for_half: int | None
-    """Times the hits with which half of the other lines become usable; None if few are not, or more hits do not help."""
+    """Times the hits with which half of the other lines become usable; None if they are few, or more do not help."""
     not_common: tuple[tuple[str, int, float, float], ...]
     """Records with lines that others do not have: name, number of these lines, lowest and highest line."""
     checked: tuple[CheckedRecord, ...]
@@ -203,8 +203,9 @@ class SpindleIdentification(Result):
         worst = max(poor, key=lambda band: band.lines - band.usable)
         text = (
             f"{percent(share)} of the lines are usable. From {worst.low_hz:g} to {worst.high_hz:g} Hz "
-            f"{worst.lines - worst.usable} lines are not: {_REASONS[worst.reason]}, where relative errors are amplified "
-            f"{worst.condition:.3g} times. Modes use all lines and are known where single lines are not: `--modes auto`"
+            f"{worst.lines - worst.usable} lines are not: {_REASONS[worst.reason]}, where relative errors are "
+            f"amplified {worst.condition:.3g} times. Modes use all lines and are known where single lines are not: "
+            "`--modes auto`"
         )
         if self.hits_for_half is None:
             return text

@@ -495,7 +495,7 @@ def _most_likely_path(
         backward[line] = np.min(steps[line] + costs[line + 1] + backward[line + 1], axis=1)
     total = forward + backward
     chosen, lines = np.argmin(total, axis=1), np.arange(len(costs))
-    x, noise = terms[lines, chosen], covariance[lines, chosen]
+    x = terms[lines, chosen]
     off = (terms - x[:, None]) / scale[lines, chosen][:, None]
     apart = finite & (np.abs(off).max(axis=-1) > _EQUAL)
     likely = apart & (total - total[lines, chosen][:, None] < _ODDS)

@@ -64,9 +64,7 @@ def predictors_at(found: Identification, vectors: Sequence[NDArray[np.float64]])
     problem, scale = found.task.problem(), np.sqrt(max(found.residual_variance, SMALLEST))
     roots = [problem.curvature_root(x) / scale for x in vectors]
     return [
-        Predictor(
-            found.task.parameters, found.task.variables.to_values(x), root=root, discrepancy=found.discrepancy
-        )
+        Predictor(found.task.parameters, found.task.variables.to_values(x), root=root, discrepancy=found.discrepancy)
         for x, root in zip(vectors, roots, strict=True)
         if root.any()  # zero where the model has no value
     ]
