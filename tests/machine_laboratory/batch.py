@@ -32,7 +32,9 @@ def add_options(parser: argparse.ArgumentParser, cases: int, limit: float) -> No
     parser.add_argument("--seed", type=int, help="by default a new one, which is printed")
     parser.add_argument("--cases", type=int, default=cases, help=f"number of machines (default {cases})")
     parser.add_argument("--only", type=int, nargs="+", metavar="N", help="numbers of machines among these")
-    parser.add_argument("--modes", type=int, default=9, help="number of unknown modes of the spindle (default 9)")
+    parser.add_argument(
+        "--modes", type=_modes, default="auto", metavar="N|auto", help="number of unknown modes of the spindle (auto)"
+    )
     parser.add_argument("--jobs", type=int, default=1, help="number of processes (default 1)")
     parser.add_argument("--threads", type=int, default=1, help="threads of each (default 1)")
     parser.add_argument(
@@ -43,10 +45,14 @@ def add_options(parser: argparse.ArgumentParser, cases: int, limit: float) -> No
     )
 
 
+def _modes(text: str) -> int | str:
+    return text if text == "auto" else int(text)
+
+
 def seed_of(options: argparse.Namespace) -> int:
     """Return the seed of a batch: the given one or a new one, and print it."""
     seed = secrets.randbelow(2**31) if options.seed is None else int(options.seed)
-    sys.stdout.write(f"seed {seed}, {options.cases} machines, {options.modes} modes\n")
+    sys.stdout.write(f"seed {seed}, {options.cases} machines, modes: {options.modes}\n")
     sys.stdout.flush()
     return seed
 

@@ -77,7 +77,7 @@ def machine_of(seed: int, index: int, effects: Sequence[str]) -> Machine:
     return draw_machine(own, effects[0] if effects else None)
 
 
-def diagnose(seed: int, index: int, effects: Sequence[str], modes: int, threads: int) -> Row:
+def diagnose(seed: int, index: int, effects: Sequence[str], modes: int | str, threads: int) -> Row:
     """Diagnose a machine and compare the verdict with the truth."""
     from blind.bridge import answer_from
     from receptance import campaign

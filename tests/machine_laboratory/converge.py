@@ -1,7 +1,8 @@
 """Whether the fit of unknown modes together with the joint reaches the best known optimum, and in which time.
 
 The best known optimum is the least cost of all fits of a machine: that of `identify`, and fits with a long budget from
-the truth and from starts near it. The latter depend on the program as little as possible, and may be kept in a file.
+the truth and from starts near it, with as many modes as the records showed. The latter depend on the program as little
+as possible, and may be kept in a file.
 """
 
 from __future__ import annotations
@@ -42,15 +43,11 @@ def main(options: argparse.Namespace) -> int:
     """Run all machines and print a line for each, then the totals."""
     seed = seed_of(options)
     chosen = indices(options)
-    best = _best_known(options, seed, chosen)
     rows = {
         row["index"]: row
         for row in read_rows(options.resume)
         if row["seed"] == seed and row["modes"] == options.modes and row["index"] in chosen
     }
-    sys.stdout.write(f"{HEADER}\n")
-    for row in rows.values():
-        sys.stdout.write(f"{_line(row, best.get(row['index'], np.inf))}\n")
     left = [
         {"seed": seed, "index": i, "modes": options.modes, "threads": options.threads, "profiles": options.profiles}
         for i in chosen
@@ -59,31 +56,42 @@ def main(options: argparse.Namespace) -> int:
     for case, result in run(fit, left, jobs=options.jobs, limit=options.limit):
         row = rows[case["index"]] = {**case, **result}
         append_row(options.resume, row)
-        sys.stdout.write(f"{_line(row, best.get(row['index'], np.inf))}\n")
-        sys.stdout.flush()
+        _say(f"identified: machine {case['index']}", result)
     every = [rows[i] for i in sorted(rows)]
-    sys.stdout.write("\n".join(totals(every, best)) + "\n")
+    best = _best_known(options, seed, every)
+    lines = [HEADER, *(_line(row, best.get(row["index"], np.inf)) for row in every), *totals(every, best)]
+    sys.stdout.write("\n".join(lines) + "\n")
     return 0
 
 
-def _best_known(options: argparse.Namespace, seed: int, chosen: Sequence[int]) -> dict[int, float]:
-    """Return the least cost of fits from near the truth, of machines for which there is one."""
+def _say(what: str, result: Row) -> None:
+    """Print the cost of a fit, or its failure."""
+    cost = f"cost {result['cost']:.2f}" if "cost" in result else result["failure"]
+    sys.stdout.write(f"{what}, {cost}\n")
+    sys.stdout.flush()
+
+
+def _best_known(options: argparse.Namespace, seed: int, rows: Sequence[Row]) -> dict[int, float]:
+    """Return the least cost of fits from near the truth, of machines for which there is one.
+
+    They have as many modes as the fit of the machine.
+    """
+    modes = {row["index"]: row.get("number", row["modes"]) for row in rows}
+    modes = {index: number for index, number in modes.items() if isinstance(number, int)}
     known: dict[tuple[int, int], float] = {}
     for row in read_rows(options.best):
-        if row["seed"] == seed and row["modes"] == options.modes:
+        if row["seed"] == seed and row["modes"] == modes.get(row["index"]):
             known[row["index"], row["start"]] = row.get("cost", np.inf)
     left = [
-        {"seed": seed, "index": i, "modes": options.modes, "threads": options.threads, "start": start}
-        for i in chosen
+        {"seed": seed, "index": i, "modes": number, "threads": options.threads, "start": start}
+        for i, number in modes.items()
         for start in range(options.near)
         if (i, start) not in known
     ]
     for case, result in run(fit_near, left, jobs=options.jobs, limit=options.near_limit):
         append_row(options.best, {**case, **result})
         known[case["index"], case["start"]] = result.get("cost", np.inf)
-        cost = f"cost {result['cost']:.2f}" if "cost" in result else result["failure"]
-        sys.stdout.write(f"near the truth: machine {case['index']}, start {case['start']}, {cost}\n")
-        sys.stdout.flush()
+        _say(f"near the truth: machine {case['index']}, start {case['start']}", result)
     least: dict[int, float] = {}
     for (index, _), cost in known.items():
         least[index] = min(cost, least.get(index, np.inf))
@@ -95,7 +103,7 @@ def machine_of(seed: int, index: int) -> Machine:
     return draw_machine(int(np.random.SeedSequence([seed, index]).generate_state(1)[0]))
 
 
-def fit(seed: int, index: int, modes: int, threads: int, profiles: bool) -> Row:
+def fit(seed: int, index: int, modes: int | str, threads: int, profiles: bool) -> Row:
     """Identify joint and modes of a machine as a user would."""
     machine = machine_of(seed, index)
     with tempfile.TemporaryDirectory() as folder:
@@ -123,6 +131,7 @@ def _identified(machine: Machine, path: Path, threads: int) -> Row:
     true = {f"joint.{name}": machine.truth[0][f"joint.{name}"] for name in ("k_y", "k_theta")}
     intervals = {address: fit.interval(address) for address in true}
     return {
+        "number": sum(name.startswith("spindle.mode[") and name.endswith(".frequency_hz") for name in fit.values),
         # Half of chi-square, with the stated noise.
         "cost": float(min(one.cost for one in fit.starts)),
         "rms": float(fit.rms),
@@ -168,7 +177,7 @@ def starts_near_truth(machine: Machine, modes: int, rng: np.random.Generator | N
 
 # The table ------------------------------------------------------------------------------------------------------------
 
-HEADER = "machine        cost        best   rms  conv. cpu s    MB  k_theta  width  inside"
+HEADER = "machine modes     cost     best   rms  conv. cpu s    MB  k_theta  width  inside"
 
 
 def _line(row: Row, best: float) -> str:
@@ -177,9 +186,11 @@ def _line(row: Row, best: float) -> str:
         return f"{row['index']:7d}  {row['failure'][:70]}"
     best = min(best, row["cost"])
     ratio, width, inside = (row[key]["joint.k_theta"] for key in ("ratio", "width", "inside"))
+    number = row.get("number", row["modes"])
     return (
-        f"{row['index']:7d} {row['cost']:11.2f} {best:11.2f} {row['rms']:5.2f}  {_yes(row['converged']):<5}"
-        f" {row['processor']:5.0f} {row['megabytes']:5.0f} {ratio:8.4f} {100.0 * width:5.1f}%  {_yes(inside)}"
+        f"{row['index']:7d} {number:>5} {row['cost']:8.1f} {best:8.1f} {row['rms']:5.2f}"
+        f"  {_yes(row['converged']):<5} {row['processor']:5.0f} {row['megabytes']:5.0f}"
+        f" {ratio:8.4f} {100.0 * width:5.1f}%  {_yes(inside)}"
     )
 
 

@@ -18,8 +18,8 @@ from machine_laboratory.batch import Row, append_row, indices, read_rows, run, s
 from machine_laboratory.generator import Cut, Machine, draw_machine, stable_limit, write
 from machine_laboratory.generator.structure import Numbers, receptances
 
-LINES = np.arange(40.0, 9000.0, 0.5)
-"""Lines of the true tip in Hz."""
+LINES = np.concatenate([np.arange(40.0, 1000.0, 0.1), np.arange(1000.0, 10000.0, 0.5)])
+"""Lines of the true tip in Hz, so dense that limits between them are right to 1e-4."""
 TIP = ("tool", 0.0)
 
 
@@ -54,13 +54,13 @@ def machine_of(seed: int, index: int) -> Machine:
     return draw_machine(int(np.random.SeedSequence([seed, index, 5]).generate_state(1)[0]), end_mill=True)
 
 
-def true_limit(p: Numbers, cut: Cut, speed_rpm: float) -> float:
-    """Return the true limit of a cut in m, without the sensor."""
-    tip = receptances({**p, "sensor.mass": 0.0}, TIP, [TIP], LINES)
-    return stable_limit(cut, LINES, tip[:, :, None] * np.eye(2), speed_rpm)[0]
+def true_limits(p: Numbers, cut: Cut, speeds_rpm: Sequence[float]) -> list[float]:
+    """Return the true limit of a cut in m at each speed, without the sensor."""
+    tip = receptances({**p, "sensor.mass": 0.0}, TIP, [TIP], LINES)[:, :, None] * np.eye(2)
+    return [stable_limit(cut, LINES, tip, speed)[0] for speed in speeds_rpm]
 
 
-def recommend(seed: int, index: int, modes: int, threads: int) -> Row:
+def recommend(seed: int, index: int, modes: int | str, threads: int) -> Row:
     """Identify a machine, compute its lobes as a user would, and return each recommended depth over the true limit."""
     from receptance import campaign
 
@@ -73,18 +73,36 @@ def recommend(seed: int, index: int, modes: int, threads: int) -> Row:
     cuts = []
     for number, cut in machine.cuts:
         lobes = stability[f"c{number}"]
-        advised = [(one.speed_rpm, one.depth) for one in lobes.best_cuts]
-        ratios = [depth / true_limit(machine.truth[number], cut, speed) for speed, depth in advised]
+        limits = true_limits(machine.truth[number], cut, [one.speed_rpm for one in lobes.best_cuts])
+        ratios = [one.depth / limit for one, limit in zip(lobes.best_cuts, limits, strict=True)]
         cuts.append(
             {
                 "measured": number < 2,
                 "ratios": ratios,
                 "rejected": bool(lobes.rejection.unusable),
                 "banded": lobes.probability is not None,
-                "reason": " ".join(lobes.rejection)[:200],
+                "reason": " ".join(lobes.rejection)[:400],
             }
         )
-    return {"rms": float(fit.rms), "converged": bool(fit.converged), "cuts": cuts}
+    return {
+        "rms": float(fit.rms),
+        "converged": bool(fit.converged),
+        "adequate": fit.adequacy.passed,
+        "usable": not fit.rejection.unusable,
+        "discrepancy": None if fit.task.discrepancy is None else fit.task.discrepancy.data(),
+        "cuts": cuts,
+    }
+
+
+REFUSALS = ("fit not converged", "no error of the model explains the data", "the cut")
+"""Why a cut has no depth: the fit, or the lobes of a fit that can be used."""
+
+
+def refusal(row: Row, cut: Row) -> str:
+    """Return why a cut has no depth; empty where it has."""
+    if cut["ratios"]:
+        return ""
+    return REFUSALS[2] if row["usable"] else REFUSALS[1] if row["converged"] else REFUSALS[0]
 
 
 # The table ------------------------------------------------------------------------------------------------------------
@@ -99,7 +117,7 @@ def _lines(row: Row) -> list[str]:
     return [
         f"{row['index']:7d}  {'measured' if cut['measured'] else 'not measured':<12} {row['rms']:5.2f} "
         f"{row['processor']:5.0f}  "
-        + (" ".join(f"{ratio:.2f}" for ratio in cut["ratios"]) or "refused")
+        + (" ".join(f"{ratio:.2f}" for ratio in cut["ratios"]) or f"refused: {refusal(row, cut)}")
         + (" (rejected)" if cut["rejected"] and cut["ratios"] else "")
         for cut in row["cuts"]
     ]
@@ -120,11 +138,20 @@ def totals(rows: Sequence[Row]) -> list[str]:
         lines.append(share(title, [r for r in ratios if r > 1.0], ratios, "<= 5 %"))
     deepest = [cut["ratios"][0] for cut in stated]
     lines.append(share("   the deepest of each cut", [ratio for ratio in deepest if ratio > 1.0], deepest))
-    ratios = [ratio for cut in stated for ratio in cut["ratios"]]
+    machines = [[ratio for cut in row["cuts"] for ratio in cut["ratios"]] for row in rows if "failure" not in row]
+    advised = [ratios for ratios in machines if ratios]
+    lines.append(share("machines with a depth above the limit", [one for one in advised if max(one) > 1.0], advised))
+    ratios = [ratio for one in advised for ratio in one]
     if ratios:
-        low, middle, high = np.quantile(ratios, [0.1, 0.5, 0.9])
-        lines.append(f"depth over true limit: median {middle:.2f}, 80 % between {low:.2f} and {high:.2f}")
-        lines.append(f"largest {max(ratios):.2f}; without a band {sum(not cut['banded'] for cut in stated)} cuts")
-    lines.append(share("cuts without a number (refused)", [cut for cut in cuts if not cut["ratios"]], cuts))
+        losses = 100.0 * (1.0 - np.quantile(ratios, [0.9, 0.5, 0.1]))
+        lines.append(
+            "loss against the true limit: median {1:.1f} %, 80 % between {0:.1f} and {2:.1f} %".format(*losses)
+        )
+        lines.append(f"largest depth over true limit {max(ratios):.3f}")
+        lines.append(f"cuts without a band {sum(not cut['banded'] for cut in stated)}")
+    lines.append(share("machines with depths", advised, rows))
+    reasons = [refusal(row, cut) for row in rows for cut in row.get("cuts", ())]
+    lines.append(share("cuts without a number (refused)", [one for one in reasons if one], reasons))
+    lines += [f"   {reasons.count(reason):3d}: {reason}" for reason in REFUSALS if reason in reasons]
     lines.append(share("machines that failed", [row for row in rows if "failure" in row], rows))
     return lines

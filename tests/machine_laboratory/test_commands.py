@@ -9,6 +9,7 @@ import os
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from blind.outcome import Outcome
@@ -81,6 +82,7 @@ def _fit(cost, *, inside=True):
         "cost": cost,
         "rms": 1.0,
         "converged": True,
+        "number": 8,
         "evaluations": 9,
         **{key: dict.fromkeys(joint, value) for key, value in values.items()},
     }
@@ -89,6 +91,7 @@ def _fit(cost, *, inside=True):
 def test_convergence_is_counted_against_the_best_known_cost(bench, monkeypatch, capsys, tmp_path):
     def made(work, case):
         if work is converge.fit_near:
+            assert case["modes"] == 8
             return _fit(100.0 if case["start"] else 101.0)
         fits = [_fit(100.05), _fit(102.0, inside=False), {"failure": "more than 5 s"}, _fit(99.0)]
         return fits[case["index"]]
@@ -103,9 +106,9 @@ def test_convergence_is_counted_against_the_best_known_cost(bench, monkeypatch, 
     assert "k_theta inside its 95 % interval         2 of   3" in out
     assert "better than the fits from near the truth: 1; failed: 1" in out
     assert max(map(len, out.splitlines())) <= 80
-    assert len(begun) == 12
+    assert len(begun) == 4 + 3 * 2
     bench.main(arguments)
-    assert len(begun) == 12
+    assert len(begun) == 4 + 3 * 2
     again = capsys.readouterr().out
     assert again.splitlines()[-8:] == out.splitlines()[-8:]
 
@@ -120,7 +123,7 @@ def test_depths_above_the_limit_and_refused_ones_are_counted(bench, monkeypatch,
             if case["index"]
             else [cut(True, [0.7]), cut(False, [1.3])]
         )
-        return {"rms": 1.0, "converged": True, "cuts": cuts}
+        return {"rms": 1.0, "converged": True, "usable": True, "cuts": cuts}
 
     begun = _faked(monkeypatch, depths, made)
     arguments = ["depths", "--seed", "4", "--cases", "2", "--resume", str(tmp_path / "depths.jsonl")]
@@ -129,10 +132,20 @@ def test_depths_above_the_limit_and_refused_ones_are_counted(bench, monkeypatch,
     assert "depths above the true limit              2 of   5" in out
     assert "   of the measured tool                  1 of   4" in out
     assert "cuts without a number (refused)          1 of   4" in out
-    assert "depth over true limit: median 0.90" in out
+    assert "   1: the cut" in out
+    assert "machines with a depth above the limit    2 of   2" in out
+    assert "loss against the true limit: median 10.0 %" in out
     assert max(map(len, out.splitlines())) <= 80
     bench.main(arguments)
     assert len(begun) == 2
+
+
+def test_a_depth_is_refused_for_the_reason_that_comes_first():
+    refused = {"ratios": []}
+    assert depths.refusal({"usable": True, "converged": True}, {"ratios": [0.9]}) == ""
+    rows = [(False, False), (True, False), (True, True)]
+    reasons = [depths.refusal({"converged": converged, "usable": usable}, refused) for converged, usable in rows]
+    assert tuple(reasons) == depths.REFUSALS
 
 
 def test_verdicts_are_scored(bench, monkeypatch, capsys, tmp_path):
@@ -202,6 +215,19 @@ def test_depths_are_recommended():
     row = depths.recommend(seed=37, index=0, modes=5, threads=1)
     assert [cut["measured"] for cut in row["cuts"]] == [True, False]
     assert all(ratio > 0.0 for cut in row["cuts"] for ratio in cut["ratios"])
+
+
+@pytest.mark.slow
+def test_depths_are_safe_and_stated():
+    """Machines each of which once had unsafe depths or none: by modes above the lines, few lines, modes below."""
+    rows = [depths.recommend(seed=370041, index=index, modes=9, threads=1) for index in (5, 6, 10)]
+    cuts = [cut for row in rows for cut in row["cuts"]]
+    ratios = [ratio for cut in cuts for ratio in cut["ratios"]]
+    assert not any(row["adequate"] for row in rows)
+    assert sum(not cut["ratios"] for cut in cuts) <= 1
+    assert sum(ratio > 1.0 for ratio in ratios) <= 0.05 * len(ratios)
+    assert max(ratios) < 1.02
+    assert np.median(ratios) > 0.9
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from receptance import FRF, Assembly, Coordinate, MeasuredPart, ModalPart, Mode, Part, PointJoint, Segment, campaign, io
-from receptance.campaign import CampaignError
+from receptance.campaign import CampaignCheck, CampaignError
 from receptance.cli import main
 from receptance.diagnosis.causes import Cause, Parameter, Variant
 from receptance.diagnosis.model import Model
@@ -243,6 +243,40 @@ def test_a_spindle_starts_from_the_measured_frfs(tmp_path: Path) -> None:
     assert len(kept) == len(loaded.unknowns)
 
 
+BY_EVIDENCE = AUTOMATIC.replace("modes = [{}, {}]", 'modes = "auto"')
+"""The same, and the records choose the number of modes."""
+
+
+def test_the_records_choose_the_number_of_modes(tmp_path: Path) -> None:
+    loaded = write_campaign(tmp_path, BY_EVIDENCE, step=2)
+    text = "\n".join(CampaignCheck(loaded).sentences())
+    assert "5 unknowns" in text
+    assert "The records choose the number of modes of spindle." in text
+    fit = loaded.identify()
+    assert fit.stabilised is not None
+    chosen = fit.stabilised["spindle"]
+    assert chosen.used == len(MODES), chosen.criterion
+    modes = [name for name in fit.values if name.endswith(".frequency_hz")]
+    assert modes == ["spindle.mode[0].frequency_hz", "spindle.mode[1].frequency_hz"]
+    assert fit.values["joint.k_theta"] == pytest.approx(4e4, rel=0.02)
+    assert fit.rms == pytest.approx(1.0, abs=0.1)
+    assert "The records show 2 modes of spindle." in fit.sentences()
+    assert fit.to_dict()["number_of_modes"]["spindles"]["spindle"]["chosen"] == 2
+    # Modes beyond these have no effect on assemblies that are predicted.
+    longer = loaded.predict(fit).frfs[-1]
+    true = true_machine(0.085).receptance(longer.frequency_hz)
+    assert np.sqrt(np.mean(np.abs(np.log(longer.receptance / true)) ** 2)) < 0.1
+
+
+def test_a_stated_number_of_modes_is_compared_with_the_records(tmp_path: Path) -> None:
+    text = AUTOMATIC.replace("modes = [{}, {}]", "modes = 3")
+    fit = write_campaign(tmp_path, text, step=4).identify()
+    assert fit.stabilised is not None
+    assert (fit.stabilised["spindle"].used, fit.stabilised["spindle"].chosen) == (3, 2)
+    text = 'The records show 2 of the 3 stated modes of spindle: `modes = "auto"` leaves out the others.'
+    assert text in fit.sentences()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_random_spindles_are_identified_from_measured_frfs(tmp_path: Path, seed: int) -> None:
@@ -361,6 +395,15 @@ standard_deviation = "2 Hz"
 def test_mistakes_of_an_unknown_modal_part(tmp_path: Path) -> None:
     with pytest.raises(CampaignError, match="has no frequency_hz, expected one, or `identify = true`"):
         write_campaign(tmp_path, AUTOMATIC.replace("identify = true", "identify = false"))
+    with pytest.raises(
+        CampaignError, match=r'is "auto", which is for modes that are identified; add `identify = true`'
+    ):
+        write_campaign(tmp_path, BY_EVIDENCE.replace("identify = true", "identify = false"))
+    with pytest.raises(CampaignError, match=r'is "automatic", expected "auto", a number of modes, or their tables'):
+        write_campaign(tmp_path, BY_EVIDENCE.replace('"auto"', '"automatic"'))
+    bounds = '"spindle.mode[0].frequency_hz" = { lower = "700 Hz", upper = "900 Hz" }\n'
+    with pytest.raises(CampaignError, match=r'belongs to a mode of spindle, whose modes are "auto"'):
+        write_campaign(tmp_path, BY_EVIDENCE + bounds)
     with pytest.raises(CampaignError, match="is a rigid-body mode"):
         write_campaign(tmp_path, AUTOMATIC.replace("[{}, {}]", '[{ frequency_hz = "0 Hz" }, {}]'))
     with pytest.raises(CampaignError, match="expected one of the two"):

@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 from receptance import STEEL, Assembly, Coordinate, ModalPart, Mode, Observation, Part, PointJoint, Segment, Tolerance
-from receptance.coupling.mode_growth import QUANTITIES, ModeGrowth, around_solution, of_records
+from receptance.coupling.mode_growth import QUANTITIES, ModeGrowth, SpindleResiduals, of_records
 from receptance.coupling.spindle_elimination import SpindleRecords, unexplained
+from receptance.coupling.stabilisation import Stabilisation, Stabilisations
+from receptance.coupling.unknown_modes import bounds_of_modes, start_modes
+from receptance.errors import ReceptanceError
 from receptance.fit import Unknown, identify
+from receptance.fit.observation import altered
 
 SEED = 20261128
 LINES = np.linspace(200.0, 2500.0, 120)
@@ -78,8 +82,9 @@ def test_the_joint_is_found_whatever_the_spindle_is(start: float) -> None:
     assert spindle_records is not None
     found = spindle_records.eliminated(seed=0)
     assert found is not None
+    values = spindle_records.named(found.x)
     for name, value in TRUE.items():
-        assert found.values[name] == pytest.approx(value, rel=0.01), (SEED, name)
+        assert values[name] == pytest.approx(value, rel=0.01), (SEED, name)
     true = machine(*TRUE.values()).elements["spindle"].entries(spindle_records.lines_hz)
     assert np.median(np.abs(found.entries / true - 1.0)) < 0.1, SEED
 
@@ -95,9 +100,10 @@ def test_the_first_step_has_no_residual_at_the_true_joint_whatever_the_spindle_i
 
 def test_an_error_of_a_dimension_is_found_beside_the_joint() -> None:
     measured = records(0.002, diameter=0.016 * np.exp(2.0 * 0.002))
-    found = SpindleRecords.of(measured, joint(1.0), "spindle", [DIAMETER]).eliminated(seed=0)
-    assert found.values["diameter"] == pytest.approx(2.0, abs=0.3), SEED
-    assert found.values["joint.k_theta"] == pytest.approx(TRUE["joint.k_theta"], rel=0.01), SEED
+    spindle_records = SpindleRecords.of(measured, joint(1.0), "spindle", [DIAMETER])
+    values = spindle_records.named(spindle_records.eliminated(seed=0).x)
+    assert values["diameter"] == pytest.approx(2.0, abs=0.3), SEED
+    assert values["joint.k_theta"] == pytest.approx(TRUE["joint.k_theta"], rel=0.01), SEED
 
 
 @pytest.mark.parametrize("hits", [HITS[:3], (HITS[0], HITS[1], HITS[2], ("tip", "tip"))])
@@ -106,25 +112,28 @@ def test_records_that_do_not_separate_the_spindle_are_not_eliminated(hits: tuple
     assert SpindleRecords.of(records(hits=hits), joint(1.0), "spindle").eliminated(seed=0) is None
 
 
-def growth(rows: object, count: int = 2) -> ModeGrowth:
+def growth(residuals_of: SpindleResiduals, count: int = 2) -> ModeGrowth:
     """Return the growth of modes within wide bounds."""
     bounds = np.tile(
         [[50.0, 3700.0], [1e-3, 0.3], [-5.0, 5.0], [-50.0, 50.0], [-5.0, 5.0], [-50.0, 50.0]], (count, 1, 1)
     )
     above = bounds.copy()
     above[:, 0, 0], above[:, 4:] = 1.05 * LINES[-1], 0.0
-    residuals = np.array([[-1e-7, 1e-7], [-1e-4, 1e-4], [-1e-6, 1e-6]])
-    return ModeGrowth(lines_hz=LINES, rows=rows, bounds=bounds, above=above, residual_bounds=residuals)
+    limits = np.array([[-1e-7, 1e-7], [-1e-4, 1e-4], [-1e-6, 1e-6]])
+    return ModeGrowth(lines_hz=LINES, residuals_of=residuals_of, bounds=bounds, above=above, residual_bounds=limits)
 
 
 @pytest.mark.parametrize("linear", [True, False])
 def test_modes_with_complex_shapes_are_recovered_from_exact_records(linear: bool) -> None:
     spindle_records = SpindleRecords.of(records(0.0), joint(1.0), "spindle")
-    equations = spindle_records.equations(spindle_records.starts(1, 0)[0])
+    x = spindle_records.starts(1, 0)[0]
     entries = machine(*TRUE.values()).elements["spindle"].entries(LINES)
-    modes, _, residuals = growth(around_solution(equations, entries) if linear else of_records(equations)).grown(
-        [0.0] * 3
-    )
+    residuals = spindle_records.about(x, entries).residuals() if linear else of_records(spindle_records.equations(x))
+    growing = growth(residuals)
+    fit = growing.first([0.0] * 3)
+    for _ in MODES:
+        fit = growing.with_next(fit)
+    modes, residuals = fit.modes, fit.residuals
     numbers = [[getattr(mode, name) for name in ("frequency_hz", "damping_ratio")] for mode in MODES]
     np.testing.assert_allclose(modes[np.argsort(modes[:, 0]), :2], numbers, rtol=1e-3)
     np.testing.assert_allclose(residuals, [2e-9, 3e-7, 1e-8], rtol=0.05)
@@ -135,11 +144,17 @@ def test_modes_with_complex_shapes_are_recovered_from_exact_records(linear: bool
         residual_ytheta=residuals[2],
     )
     np.testing.assert_allclose(part.entries(LINES), entries, rtol=1e-3)
+    np.testing.assert_allclose(fit.entries, entries, rtol=1e-3)
 
 
 def test_derivatives_of_added_modes_are_those_of_differences() -> None:
-    grown = growth(lambda entries: (entries, np.broadcast_to(np.eye(3, dtype=complex), (len(entries), 3, 3))))
     rng = np.random.default_rng(SEED)
+
+    def rows(entries: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return entries, np.broadcast_to(np.eye(3, dtype=complex), (len(entries), 3, 3))
+
+    before = rng.normal(size=(6 * LINES.size + 2, 2))
+    grown = growth(SpindleResiduals(rows, np.zeros(2), before, 1e-6 * rng.normal(size=2)))
     x = np.concatenate(
         [
             grown._scaled(np.array([[500.0, 0.03, 0.3, 2.0, 0.1, -4.0], [1500.0, 0.05, 0.4, -2.0, 0.0, 6.0]])).ravel(),
@@ -156,6 +171,74 @@ def test_derivatives_of_added_modes_are_those_of_differences() -> None:
         axis=1,
     )
     assert np.all(np.abs(jacobian - numerical) < 1e-7 * np.abs(jacobian).max(axis=0))
+
+
+def test_residuals_about_a_spindle_are_those_of_changed_records_and_variables() -> None:
+    """In the metric chi-square is that of all records, to first order in the spindle and in what is before it."""
+    rng = np.random.default_rng(SEED)
+    spindle_records = SpindleRecords.of(records(0.01), joint(1.0), "spindle", [DIAMETER])
+    start = spindle_records.starts(1, 0)[0]
+    entries = machine(*TRUE.values()).elements["spindle"].entries(LINES)
+    about = spindle_records.about(start, entries)
+    metric = about.residuals()
+    change = 1e-6 * rng.normal(size=(LINES.size, 3)) * np.abs(entries)
+    step = 1e-6 * rng.normal(size=start.size)
+    assert metric.columns is not None
+    residual, _ = metric.of_entries(entries + change)
+    flat = np.concatenate([residual.real.ravel(), residual.imag.ravel(), metric.others]) + metric.columns @ step
+    changed = spindle_records.about(start + step, entries + change)
+    assert np.sum(flat**2) + metric.constant - about.chi_square == pytest.approx(
+        changed.chi_square - about.chi_square, rel=1e-3
+    )
+    assert abs(changed.chi_square - about.chi_square) > 1e-6 * about.chi_square
+
+
+def started(count: int, noise: float = 0.005) -> tuple[list[Unknown], Stabilisation]:
+    """Return the starts of the modes of a machine of which the records choose the number."""
+    modes = [{} for _ in range(count)]
+    observed = [
+        altered(
+            o, assembly=machine(1e9, 4e5, modes=(Mode(frequency_hz=1e3, damping_ratio=0.1, y=0.0, theta=0.0),) * count)
+        )
+        for o in records(noise)
+    ]
+    bounds = bounds_of_modes("spindle", modes, {}, observed)
+    unknowns, _, chosen = start_modes(observed, [*joint(1.0), *bounds], "spindle", by_evidence=True)
+    assert chosen is not None
+    return unknowns, chosen
+
+
+def test_the_records_choose_the_number_of_modes() -> None:
+    unknowns, chosen = started(6)
+    assert chosen.chosen == len(MODES), (SEED, chosen.criterion)
+    assert len(chosen.fits) - 1 < 6  # no more are added when further ones do not pay
+    frequencies = [u for u in unknowns if u.address.endswith(".frequency_hz")]
+    assert [u.address for u in frequencies] == ["spindle.mode[0].frequency_hz", "spindle.mode[1].frequency_hz"]
+    np.testing.assert_allclose([u.start for u in frequencies], [mode.frequency_hz for mode in MODES], rtol=0.02)
+    stiffness = next(u for u in unknowns if u.address == "joint.k_theta")
+    assert stiffness.start == pytest.approx(TRUE["joint.k_theta"], rel=0.05)
+    assert chosen.chi_square[2] == pytest.approx(1.0, abs=0.1), SEED
+    assert chosen.stable(3).sum() >= 2
+    assert not chosen.stable(1).any()
+
+
+def test_the_number_of_modes_is_shown() -> None:
+    _, chosen = started(6)
+    (table,) = chosen.tables()
+    assert [row[-1] for row in table.rows].index("chosen") == len(MODES) - 1
+    assert chosen.to_dict()["chosen"] == len(MODES)
+    left, right, _ = Stabilisations({"spindle": chosen}).plot().axes
+    assert [len(line.get_xdata()) for line in right.lines] == [len(chosen.fits) - 1]
+    marks = sum(len(line.get_xdata()) for line in left.lines if line.get_marker() == "o")
+    assert marks == sum(range(len(chosen.fits)))
+
+
+def test_records_without_a_common_line_cannot_choose_the_number() -> None:
+    first, *others = records()
+    apart = [altered(o, frequency_hz=o.frequency_hz + 5000.0) for o in others]
+    bounds = bounds_of_modes("spindle", [{}] * 2, {}, [first, *apart])
+    with pytest.raises(ReceptanceError, match=r"no common lines; expected .* or a number of modes"):
+        start_modes([first, *apart], [*joint(1.0), *bounds], "spindle", by_evidence=True)
 
 
 def test_a_tolerance_starts_where_it_says() -> None:

@@ -81,7 +81,7 @@ def test_modes_are_added_to_those_with_a_peak(tmp_path: Path) -> None:
     observed = list(loaded.to_identify.values())
     bounds = bounds_of_modes("spindle", [{}] * 5, {}, observed)
     own = [one for one in loaded.unknowns if not one.address.startswith("spindle.")]
-    begun, errors = start_modes(observed, [*own, *bounds], "spindle")
+    begun, errors, _ = start_modes(observed, [*own, *bounds], "spindle")
     assert not errors
     # The imaginary shape of a mode above the lines is no unknown.
     left_out = {one.name for one in [*own, *bounds]} - {one.name for one in begun}

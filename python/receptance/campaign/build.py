@@ -18,6 +18,7 @@ from receptance.campaign.schema import (
     ATTACHMENTS,
     JOINTS,
     AssemblyTable,
+    AutomaticModes,
     CampaignTable,
     CandidateTable,
     CoordinateTable,
@@ -230,6 +231,13 @@ class Builder:
     def _modal_part(self, name: str, campaign: CampaignTable) -> ModalPart:
         table = campaign.modal_parts[name]
         path: KeyPath = ("modal_parts", name)
+        if isinstance(table.modes, AutomaticModes):
+            if not table.identify:
+                self.fail((*path, "modes"), 'is "auto", which is for modes that are identified; add `identify = true`')
+            for address in campaign.unknowns:
+                if address.startswith(f"{name}.mode["):
+                    text = f'belongs to a mode of {name}, whose modes are "auto", expected a number of modes there'
+                    self.problems.add(("unknowns", address), text)
 
         def mode(index: int, row: ElementTable) -> Mode:
             own, here = f"{name}.mode[{index}]", (*path, "modes", index)

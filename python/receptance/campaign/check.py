@@ -11,6 +11,7 @@ from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import fit_inputs, joints_to_invert, observed_unknowns, transfer_errors
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.records import missing_records
+from receptance.campaign.schema import AutomaticModes
 from receptance.report import Column, Provenance, Result, Table
 
 _MOST_NAMED = 3
@@ -130,13 +131,16 @@ class CampaignCheck(Result):
         """Return the number of everything, and the number of errors with tolerances."""
         one = self.campaign
         errors = {error.name for tolerances in one.tolerances.values() for error in tolerances}
+        automatic = [name for name, part in one.table.modal_parts.items() if isinstance(part.modes, AutomaticModes)]
         counts = (
             (len(one.assemblies), "assembly", "assemblies"),
             (len(one.measurements) + len(one.on_blanks), "measurement", "measurements"),
-            (len(one.unknowns), "unknown", "unknowns"),
+            (len(one.unknowns) - sum(_numbers(name, one) for name in automatic), "unknown", "unknowns"),
             (len(errors), "dimension or material with a tolerance", "dimensions and materials with tolerances"),
         )
-        return [f"{one.file} is valid: {', '.join(f'{n} {word if n == 1 else words}' for n, word, words in counts)}."]
+        more = [f"The records choose the number of modes of {listed(automatic)}."] if automatic else []
+        text = ", ".join(f"{n} {word if n == 1 else words}" for n, word, words in counts)
+        return [f"{one.file} is valid: {text}.", *more]
 
     def warnings(self) -> Sequence[str]:
         """Return what the description lacks, with the keys to write."""
@@ -216,3 +220,8 @@ def listed(names: Sequence[str]) -> str:
     """Return the first names as text, and the number of the others."""
     rest = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
     return ", ".join(names[:_MOST_NAMED]) + rest
+
+
+def _numbers(name: str, campaign: CampaignData) -> int:
+    """Return the number of unknowns of the modes of a modal part."""
+    return sum(unknown.address.startswith(f"{name}.mode[") for unknown in campaign.unknowns)

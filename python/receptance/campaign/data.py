@@ -209,6 +209,11 @@ class CampaignData(Renderable):
         upper = self.table.prediction.upper
         return max(measured, default=None) if upper is None else upper
 
+    @property
+    def lowest_measured(self) -> float | None:
+        """The lowest measured frequency in Hz; None without measurements."""
+        return min((float(one.frequency_hz[0].real) for one in self.measurements.values()), default=None)
+
     def site(self, name: str) -> Site:
         """Return an assembly with its configuration and conditions, for laws and tolerances."""
         return Site(self.assemblies[name], name, "", self.table.assemblies[name].conditions)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import check_unknowns, observed_unknowns, parts_to_start, started_by_mode
 from receptance.campaign.problems import errors_about
+from receptance.coupling.stabilisation import Stabilisations
 from receptance.diagnosis import Cause, Metric, Verdict, diagnose
 from receptance.diagnosis.by_mode import bias_of, slenderness_of
 from receptance.diagnosis.fitting import fit_base
@@ -50,8 +51,10 @@ def diagnose_campaign(
         raise campaign.error('there is no measurement for the diagnosis, expected one with the role "identify"')
     model, left_out = base_model(campaign, seen)
     by_mode = bool(parts_to_start(campaign))
+    stabilised = Stabilisations({})
     if by_mode:
-        unknowns, tolerances = started_by_mode(campaign, model.observations, model.unknowns, model.tolerances)
+        started = started_by_mode(campaign, model.observations, model.unknowns, model.tolerances)
+        unknowns, tolerances, stabilised = started
         model = replace(model, unknowns=tuple(unknowns), tolerances=tuple(tolerances))
     settings = campaign.table.settings
     with errors_about(campaign.file):
@@ -80,24 +83,32 @@ def diagnose_campaign(
         verdict = replace(verdict.with_improvement(found), held_out=unseen)
     notes += [*left_out, *verdict.notes]
     if by_mode:
-        notes += _notes_on_modes(campaign, verdict)
+        notes += _notes_on_modes(stabilised, verdict)
     return replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=campaign.provenance())
 
 
-def _notes_on_modes(campaign: CampaignData, verdict: Verdict) -> list[str]:
-    """Return notes on what a diagnosis with unknown modes of a spindle can decide."""
-    count = sum(len(part.modes) for part in campaign.table.modal_parts.values() if part.identify)
+def _notes_on_modes(stabilised: Stabilisations, verdict: Verdict) -> list[str]:
+    """Return notes on what a diagnosis with unknown modes of spindles can decide."""
     notes = []
     if verdict.final and (hidden := verdict.selection.absorbed):
+        count = sum(each.used for each in stabilised.values())
         notes.append(
             f"these data do not show causes of typical size that the joint and the {count} unknown modes imitate: "
             f"{', '.join(hidden)}; measure another overhang, or the spindle alone, to decide them"
         )
-    if not verdict.adequacy.passed:
-        notes.append(
-            f"{count} unknown modes may be too few: before a cause is searched for, try `modes = {count + 2}`, which "
-            "changes the description of the spindle alone"
-        )
+    if verdict.adequacy.passed:
+        return notes
+    for name, each in stabilised.items():
+        if each.stated is None or each.chosen < each.stated:
+            notes.append(f"more modes of {name} do not explain the rest: the records show {each.chosen}")
+        elif each.stated > 1:
+            notes.append(
+                f"each of the {each.stated} modes of {name} improves the description, the last one by "
+                f"{each.criterion[each.stated - 1]:.3g} of the criterion: before a cause is searched for, try "
+                '`modes = "auto"`, which adds modes as long as they do'
+            )
+        else:
+            notes.append(f'one mode of {name} may be too few: before a cause is searched for, try `modes = "auto"`')
     return notes
 
 

@@ -13,10 +13,11 @@ import numpy as np
 from receptance._text import did_you_mean, first_of, one_of
 from receptance.campaign.data import CampaignData
 from receptance.campaign.problems import CampaignError, Issue, errors_about
-from receptance.campaign.schema import SeriesTable
+from receptance.campaign.schema import AutomaticModes, SeriesTable
 from receptance.campaign.values import kind_of, parse_condition
 from receptance.coupling import ForceSeries, InverseCoupling, InverseCouplings, invert_coupling
 from receptance.coupling.line_equations import TERMS
+from receptance.coupling.stabilisation import Stabilisation, Stabilisations
 from receptance.coupling.unknown_modes import start_modes
 from receptance.errors import ReceptanceError
 from receptance.fit import Identification, Tolerance, Unknown, identify, profile_likelihoods
@@ -45,7 +46,7 @@ def identify_campaign(campaign: CampaignData, profiles: Sequence[str] | None = (
     settings = campaign.table.settings
     observations = list(campaign.to_identify.values())
     lines = sum(o.frequency_hz.size for o in observations)
-    by_level, unknowns, tolerances, options = fit_options(campaign, observations, unknowns, tolerances)
+    by_level, unknowns, tolerances, options, stabilised = fit_options(campaign, observations, unknowns, tolerances)
     campaign.progress(f"fitting {len(unknowns)} parameters to {lines} lines and modes from {options['starts']} starts")
     with errors_about(campaign.file):
         fit = identify(observations, unknowns, tolerances=tolerances, seed=settings.seed, **options)
@@ -55,6 +56,7 @@ def identify_campaign(campaign: CampaignData, profiles: Sequence[str] | None = (
     fit = replace(
         fit,
         series=series,
+        stabilised=stabilised.with_provenance(campaign.provenance()) if stabilised else None,
         groups=campaign.templates,
         provenance=campaign.provenance(seed=settings.seed, settings=settings.data()),
     )
@@ -161,15 +163,19 @@ def fit_options(
     observations: Sequence[Observation],
     unknowns: Sequence[Unknown],
     tolerances: Sequence[Tolerance],
-) -> tuple[bool, list[Unknown], list[Tolerance], dict[str, Any]]:
-    """Return whether levels of a series are fitted separately first, unknowns and errors with starts, and options."""
+) -> tuple[bool, list[Unknown], list[Tolerance], dict[str, Any], Stabilisations]:
+    """Return how a fit starts: whether levels of a series are fitted separately first, unknowns and errors, options.
+
+    The last result has the modes of unknown spindles by their number.
+    """
     settings = campaign.table.settings
+    stabilised = Stabilisations({})
     by_level = campaign.table.series is not None and any(
         isinstance(unknown, Law) and unknown.free for unknown in unknowns
     )
     by_mode = bool(parts_to_start(campaign))
     if by_mode:
-        unknowns, tolerances = started_by_mode(campaign, observations, unknowns, tolerances)
+        unknowns, tolerances, stabilised = started_by_mode(campaign, observations, unknowns, tolerances)
     elif by_level:
         unknowns = started_by_level(campaign, observations, unknowns)
     return (
@@ -186,6 +192,7 @@ def fit_options(
             "threads": campaign.threads,
             "strategy": "direct" if by_level or by_mode else settings.strategy,
         },
+        stabilised,
     )
 
 
@@ -204,23 +211,32 @@ def started_by_mode(
     observations: Sequence[Observation],
     unknowns: Sequence[Unknown],
     tolerances: Sequence[Tolerance],
-) -> tuple[list[Unknown], list[Tolerance]]:
-    """Return unknowns and errors with the starts of a fit to which the modes of modal parts were added."""
+) -> tuple[list[Unknown], list[Tolerance], Stabilisations]:
+    """Return unknowns and errors with the starts of a fit to which the modes of modal parts were added.
+
+    The last result has the modes of unknown spindles by their number.
+    """
     settings = campaign.table.settings
-    begun = list(unknowns), list(tolerances)
+    begun, errors = list(unknowns), list(tolerances)
+    stabilised: dict[str, Stabilisation] = {}
     for name in parts_to_start(campaign):
-        campaign.progress(f"adding the {len(campaign.table.modal_parts[name].modes)} modes of {name} one at a time")
+        modes = campaign.table.modal_parts[name].modes
+        by_evidence = isinstance(modes, AutomaticModes)
+        campaign.progress(f"adding {'' if by_evidence else f'the {len(modes)} '}modes of {name} one at a time")
         with errors_about(campaign.file):
-            begun = start_modes(
+            begun, errors, chosen = start_modes(
                 observations,
-                begun[0],
+                begun,
                 name,
-                tolerances=begun[1],
+                by_evidence=by_evidence,
+                tolerances=errors,
                 starts=settings.starts,
                 seed=settings.seed,
                 threads=campaign.threads,
             )
-    return begun
+        if chosen is not None:
+            stabilised[name] = chosen
+    return begun, errors, Stabilisations(stabilised)
 
 
 def weighted_tolerances(campaign: CampaignData, seen: Mapping[str, Observation]) -> list[Tolerance]:
@@ -425,7 +441,7 @@ def level_unit(table: SeriesTable) -> tuple[str, float]:
     Examples
     --------
     >>> from receptance.campaign.identification import level_unit
-    >>> from receptance.campaign.schema import SeriesTable
+    >>> from receptance.campaign.schema import AutomaticModes, SeriesTable
     >>> level_unit(SeriesTable(over="drawbar force", levels=["0 kN", "5 kN"]))
     ('kN', 1000.0)
     """

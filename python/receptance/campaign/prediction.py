@@ -365,7 +365,8 @@ def prediction_lines(campaign: CampaignData, assembly: Assembly) -> NDArray[np.f
     if lower is None and assembly.countable:
         lower = 0.1 * float(modes[0] if modes.size else upper)
     elif lower is None:
-        lower = upper / _LINES
+        # Modes of a spindle that were identified are known where they were measured.
+        lower = campaign.lowest_measured or upper / _LINES
     return lines_between(campaign, lower, upper, _LINES)
 
 

@@ -231,7 +231,7 @@ class Campaign(CampaignData):
         if self.held_out:
             notes.append('the role "hold out" is ignored, because each assembly is held out once')
         settings, observations = self.table.settings, list(self.measurements.values())
-        _, unknowns, tolerances, options = fit_options(self, observations, self.unknowns, tolerances)
+        _, unknowns, tolerances, options, _ = fit_options(self, observations, self.unknowns, tolerances)
         with errors_about(self.file):
             transferred = receptance.predict.transfer(
                 observations,

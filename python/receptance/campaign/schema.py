@@ -111,12 +111,27 @@ MODE = element_keys(Mode, defaults={"frequency_hz": None, "damping_ratio": 0.03,
 
 
 _MODES = ListOf(
-    "one or more, `[[modal_parts.NAME.modes]]`, or their number if they are identified", MODE, least=1, most=_MOST_MODES
+    'one or more, `[[modal_parts.NAME.modes]]`; or, if they are identified, their number, or `"auto"`, with which the '
+    "records choose it",
+    MODE,
+    least=1,
+    most=_MOST_MODES,
 )
+_AUTOMATIC = "auto"
+_ROOM = 15
+"""Largest number of modes that the records choose."""
+
+
+class AutomaticModes(list[ElementTable]):
+    """Tables of as many modes as the records may show; the fit chooses their number."""
 
 
 def _read_modes(written: Any, place: Place) -> Any:
     """Return the tables of modes; a number stands for modes that are identified."""
+    if written == _AUTOMATIC:
+        return AutomaticModes([MODE.made({})] * _ROOM)
+    if isinstance(written, str):
+        raise ValueError(f'is "{written}", expected "{_AUTOMATIC}", a number of modes, or their tables')
     if isinstance(written, bool) or not isinstance(written, int):
         return _MODES.read(written, place)
     if not 1 <= written <= _MOST_MODES:
@@ -128,7 +143,7 @@ class ModalPartKeys(KeyTable):
     """A part known by its modes, a spindle: the last name of a chain. Its numbers may be unknowns."""
 
     modes: list[ElementTable] = Value(
-        _MODES.doc, _read_modes, {"anyOf": [{"type": "integer"}, _MODES.schema()]}
+        _MODES.doc, _read_modes, {"anyOf": [{"const": _AUTOMATIC}, {"type": "integer"}, _MODES.schema()]}
     ).needed()
     identify = flag(
         "whether all numbers with real shapes are unknowns, with bounds and starts from FRFs where `unknowns` has "

@@ -41,7 +41,7 @@ from receptance.stability import (
     semi_discretised_lobes,
     stability_lobes,
 )
-from receptance.stability.lobes import with_rejection, without_limits
+from receptance.stability.lobes import limited_above, with_rejection, without_limits
 from receptance.stability.tip import beyond_lines
 
 _Value = TypeVar("_Value")
@@ -85,6 +85,9 @@ class Tips:
                 self._sources.append(prediction)
             elif tip.frf is not None:
                 self._sources.append(_MeasuredTip(tip, tip.frf, self.lines, campaign, self.notes))
+        self._has_modes = bool(predicted) and all(one is not None and one.has_uncertain_modes for one in predicted)
+        if self._has_modes and campaign.table.prediction.step is None:
+            self.lines = self._resolved(self.lines)
         self._directions = [None if t is None else next(i for i, o in enumerate(each) if o is t) for t in tips]
         self.uncertain = any(source.uncertain for source in self._sources)
 
@@ -96,6 +99,38 @@ class Tips:
     def _nominal(self) -> list[NDArray[np.complex128]]:
         """The receptance of each source."""
         return [s.values() if isinstance(s, _MeasuredTip) else self._receptance_of(s.assembly) for s in self._sources]
+
+    def above_lines(self, cut: Milling | Turning) -> tuple[float, float] | None:
+        """Return the least depth in m at which the model chatters above the lines, and the frequency in Hz.
+
+        None where the tip does not end with modes that were identified. Measurements do not show modes above their
+        lines, but a tool has some, and in lobes of much depth they chatter first.
+        """
+        if not self._has_modes:
+            return None
+        lines = np.geomspace(self.lines[-1], _ABOVE * self.lines[-1], _LINES_ABOVE)
+        several = [one.assembly.receptance(lines, threads=self._threads) for one in self._predicted]
+        depth = critical_depths(cut, lines, self._matrix(several))[0].min(axis=1)
+        at = int(np.argmin(depth))
+        return float(depth[at]), float(lines[at])
+
+    @property
+    def _predicted(self) -> list[PredictedAssembly]:
+        return [source for source in self._sources if not isinstance(source, _MeasuredTip)]
+
+    def _resolved(self, lines: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return as many lines between the same ends, dense where the logarithm of a tip changes fast.
+
+        Between lines limits are interpolated: where a resonance has few lines, they are too high.
+        """
+        dense = np.linspace(lines[0], lines[-1], _DENSER * lines.size)
+        path = np.zeros(dense.size - 1)
+        for one in self._predicted:
+            steps = np.abs(np.diff(np.log(one.assembly.receptance(dense, threads=self._threads))))
+            path += steps + np.mean(steps)
+        way = np.concatenate([[0.0], np.cumsum(path)])
+        found: NDArray[np.float64] = np.interp(np.linspace(0.0, way[-1], lines.size), way, dense)
+        return found
 
     def beyond_lines(self) -> tuple[str, ...]:
         """Return for each direction of the tips that the lines do not contain its mode, and what to do."""
@@ -283,6 +318,10 @@ class _MeasuredTip:
         return [one for one in map(found.mode, range(found.frequency_hz.size)) if one.modal_constant.real > 0.0]
 
 
+_DENSER = 10
+"""Lines among which those of a tip are chosen, by their number."""
+_ABOVE, _LINES_ABOVE = 2.5, 3000
+"""Highest frequency of modes that are not measured, over that of the lines, and the number of lines up to it."""
 _BESIDE_GAP = 0.5
 """Share of the largest magnitude of a tip above which a limit may lie in a gap beside the line."""
 _SEARCH_RATIO = 10.0
@@ -339,6 +378,8 @@ def _lobes(campaign: CampaignData, cut: CampaignCut, tips: Tips, speeds: NDArray
             draws=draws,
             cuts=_selected(several, good),
         )
+        if above := tips.above_lines(cut.cut):
+            lobes = limited_above(lobes, *above, float(tips.lines[-1]), settings.seed)
     else:
         assert isinstance(cut.cut, Milling)
         tips.require_modes()

@@ -15,6 +15,8 @@ import typer
 from receptance import campaign, diagnosis, examples
 from receptance.cli.files import NoWindow, open_figure
 from receptance.cli.running import (
+    PROFILES,
+    STABILISATION,
     InputError,
     InterruptedAnswer,
     NewSeed,
@@ -152,7 +154,8 @@ def identify(
 ) -> None:
     """Identify the unknown parameters of a campaign, with intervals."""
     read, result = run_on_campaign(file, targets, lambda read: read.identify(profile or None), seed)
-    targets.show(result, read.tables(), profiles=None if result.profiled is None else result.profiled.plot)
+    beside = {PROFILES: result.profiled, STABILISATION: result.stabilised}
+    targets.show(result, read.tables(), beside={name: each.plot for name, each in beside.items() if each is not None})
     targets.require(not result.advice)
 
 

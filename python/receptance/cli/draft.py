@@ -9,7 +9,7 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import tomli_w
@@ -313,8 +313,8 @@ title = {title}
 """
 _FLUTES = "# In front of the shank the diameter is an effective one, of the round bar as stiff as the flutes.\n"
 _SPINDLE = """\
-# The spindle behind the holder as modes, identified with the joint. Give as many as the FRFs show peaks of the
-# machine.
+# The spindle behind the holder as modes, identified with the joint. With "auto" there are as many as the records
+# show; a number states them.
 """
 _SENSOR = "# The accelerometer, whose mass is part of the model while it measures.\n"
 _NO_SENSOR = """\
@@ -331,14 +331,14 @@ def campaign_text(
     holder: Sequence[HolderRow],
     measurements: Sequence[MeasuredFile],
     sensor: float,
-    spindle_modes: int,
+    spindle_modes: int | Literal["auto"] | None,
     materials: Mapping[str, Material],
 ) -> str:
     """Return the text of the campaign file with comments.
 
     Pieces are listed from the tip on; the last one of the tool is its shank, which in the holder is the core of its
-    pieces. `sensor` is the mass of the accelerometer on the tip in kg, and `spindle_modes` the number of modes of the
-    spindle behind the holder; either is 0 without one.
+    pieces. `sensor` is the mass of the accelerometer on the tip in kg, 0 without one, and `spindle_modes` the number of
+    modes of the spindle behind the holder, None without one.
     """
     front = sum(piece.length for piece in tool)
     for measurement in measurements:
@@ -353,9 +353,8 @@ def campaign_text(
             raise ValueError(f'the material is "{name}"{instead_of(name, materials)}')
     *flutes, shank = tool
     shank = replace(shank, length=measurements[0].overhang - front)
-    chain = ["tool", "joint", "holder", *(["spindle"] if spindle_modes else [])]
+    chain = ["tool", "joint", "holder", *([] if spindle_modes is None else ["spindle"])]
     address = f"tool.segment[{len(flutes)}].length"
-    spindle = _table("modal_parts.spindle", {"identify": True, "modes": [{}] * spindle_modes})
     mass = {"mass": readable(sensor, units.MASS), "tolerance": {"mass": "2 %"}}
     return _TEXT.format(
         title=_value(title),
@@ -363,7 +362,9 @@ def campaign_text(
         flutes=_FLUTES + _segments("tool", flutes, "flutes") + "\n" if flutes else "",
         shank=_segments("tool", [shank], "shank"),
         holder=_segments("holder", holder, "holder"),
-        spindle=f"{_SPINDLE}{spindle}\n" if spindle_modes else "",
+        spindle=""
+        if spindle_modes is None
+        else f"{_SPINDLE}{_table('modal_parts.spindle', {'identify': True, 'modes': spindle_modes})}\n",
         sensor=f"{_SENSOR}{_table('sensors.accelerometer', mass)}\n" if sensor else "",
         assemblies="\n".join(
             _table(

@@ -19,7 +19,15 @@ from receptance._files import check_target, created_folder, write_whole
 from receptance._reading import ReadingOptions
 from receptance._text import instead_of, printable, shown
 from receptance.cli.files import named_values, reading_of, takes_reading
-from receptance.cli.running import InputError, Json, Overwrite, Targets, input_errors, takes_options
+from receptance.cli.running import (
+    InputError,
+    Json,
+    Overwrite,
+    Targets,
+    count_of_modes,
+    input_errors,
+    takes_options,
+)
 from receptance.errors import ReceptanceWarning
 from receptance.report.terminal import print_list
 
@@ -202,7 +210,8 @@ def new(
     options: Mapping[str, Any],
     reading: ReadingOptions,
     spindle_modes: Annotated[
-        int | None, typer.Option(min=1, max=20, metavar="N", help="Modes of the spindle; by default 2.")
+        str | None,
+        typer.Option(metavar="N|auto", help="Modes of the spindle; by default auto, as many as the records show."),
     ] = None,
     hold_out: Annotated[
         list[str] | None,
@@ -281,7 +290,7 @@ def new(
             holder=holder,
             measurements=measurements,
             sensor=sensor,
-            spindle_modes=(spindle_modes or 2) if support == "spindle" else 0,
+            spindle_modes=count_of_modes("--spindle-modes", spindle_modes or "auto") if support == "spindle" else None,
             materials=materials,
         )
         with created_folder(target.parent):

@@ -14,7 +14,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from threading import Event, Lock, Thread
 from time import perf_counter
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import typer
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -74,8 +74,8 @@ _is_quiet: ContextVar[bool] = ContextVar("quiet", default=False)
 _STANDARD_OUTPUT = Path("-")
 _NO = 3
 """Exit code for a negative result: without an answer, or of --strict or --at-most."""
-PROFILES = "profiles"
-"""End of the name of the figure with profiles."""
+PROFILES, STABILISATION = "profiles", "modes"
+"""Ends of the names of the figures of a fit beside its own: of profiles, and of the number of modes."""
 
 
 class InputError(Exception):
@@ -159,6 +159,15 @@ def input_errors(*kinds: type[Exception]) -> Iterator[None]:
         raise InputError(text) from error
 
 
+def count_of_modes(option: str, text: str) -> int | Literal["auto"]:
+    """Return a number of modes that an option states, or "auto"; raise `InputError` for another text."""
+    if text == "auto":
+        return "auto"
+    if not text.isdecimal() or not int(text):
+        raise InputError(f"{option} is {text!r}, expected a number of modes such as 6, or auto")
+    return int(text)
+
+
 def refuse_existing(option: str, path: Path, *, overwrite: bool) -> None:
     """Raise `InputError` if a file exists and may not be replaced; devices and pipes are written to."""
     if path.is_symlink() and not path.exists() and not overwrite:
@@ -226,10 +235,11 @@ class Targets:
         return bool({"--plot", "--report"} & self._files.keys())
 
     def _every(self) -> Iterator[tuple[str, Path]]:
-        """Yield option and path of each file that may be written, a second figure included."""
+        """Yield option and path of each file that may be written, further figures included."""
         yield from self._files.items()
         if (plot := self._files.get("--plot")) is not None and plot not in self._own:
-            yield "--plot", _beside(plot, PROFILES)
+            for name in (PROFILES, STABILISATION):
+                yield "--plot", _beside(plot, name)
 
     def protect(self, path: Path, what: str) -> None:
         """Raise `InputError` if an output file is a file that is read."""
@@ -247,11 +257,14 @@ class Targets:
         self,
         results: Callable[[], dict[str, Any]],
         draw: Callable[[], Any] | None = None,
-        profiles: Callable[[], Any] | None = None,
+        beside: Mapping[str, Callable[[], Any]] | None = None,
         html: Callable[[], str] | None = None,
         more: Mapping[Path, str | bytes] | None = None,
     ) -> None:
-        """Write all output files or none; profiles become a second figure, and `more` are contents of other files."""
+        """Write all output files or none.
+
+        `beside` are further figures, by the ends of their names; `more` are contents of other files.
+        """
         json_file, plot, page = (self._files.get(option) for option in ("--json", "--plot", "--report"))
         contents = {p: text.encode() if isinstance(text, str) else text for p, text in (more or {}).items()}
         document = ""
@@ -267,9 +280,9 @@ class Targets:
             try:
                 with input_errors():
                     figures[plot] = receptance.report.figure.as_image(draw(), self.kind)
-                if profiles is not None:
-                    self._names.append(("Figure", _beside(plot, PROFILES)))
-                    figures[_beside(plot, PROFILES)] = receptance.report.figure.as_image(profiles(), self.kind)
+                for name, draw_other in (beside or {}).items():
+                    self._names.append(("Figure", _beside(plot, name)))
+                    figures[_beside(plot, name)] = receptance.report.figure.as_image(draw_other(), self.kind)
             except Exception:
                 with input_errors():
                     write_whole(contents)  # results are written even if the figure cannot be drawn
@@ -284,11 +297,11 @@ class Targets:
         result: receptance.report.Result,
         measured: Sequence[receptance.report.Table] = (),
         *,
-        profiles: Callable[[], Any] | None = None,
+        beside: Mapping[str, Callable[[], Any]] | None = None,
         more: Mapping[Path, str | bytes] | None = None,
     ) -> None:
         """Write the output files, print the result with the tables of its data, and print the names of the files."""
-        self.write(result.to_dict, result.plot, profiles, lambda: result.to_html(measured=measured), more)
+        self.write(result.to_dict, result.plot, beside, lambda: result.to_html(measured=measured), more)
         console = self.console()
         print_result(console, result, measured)
         self.print_names(console)

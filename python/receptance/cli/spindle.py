@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
 from receptance import campaign, coupling
 from receptance.cli.campaigns import CampaignFile, protect_files, run_on_campaign
-from receptance.cli.running import InputError, Targets, input_errors, takes_targets
+from receptance.cli.running import InputError, Targets, count_of_modes, input_errors, takes_targets
 
 
 @takes_targets("if there is advice")
@@ -47,7 +47,7 @@ def spindle(
     The table spindles.NAME of the campaign names the assemblies with a blank, `blanks`, and the file, `file`. The exit
     code is 3 if the fit of modes is rejected, which writes no file.
     """
-    count = _count(modes)
+    count = None if modes is None else count_of_modes("--modes", modes)
     if out is not None:
         _check_suffix("--output", out, as_modes=modes is not None)
 
@@ -76,16 +76,6 @@ def spindle(
         targets.show(found, more={target: content})
     targets.require(not found.rejection, always=True)
     targets.require(not found.warnings())
-
-
-def _count(modes: str | None) -> int | Literal["auto"] | None:
-    if modes is None:
-        return None
-    if modes == "auto":
-        return "auto"
-    if not modes.isdecimal() or not int(modes):
-        raise InputError(f"--modes is {modes!r}, expected a number of modes such as 6, or auto")
-    return int(modes)
 
 
 def _check_suffix(option: str, path: Path, *, as_modes: bool) -> None:

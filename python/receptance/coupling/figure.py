@@ -1,4 +1,4 @@
-"""Figures of inverse couplings, spindles line by line, and parameters over force."""
+"""Figures of inverse couplings, spindles line by line, numbers of modes, and parameters over force."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from receptance.coupling.force_series import ForceSeries
@@ -14,12 +15,15 @@ from receptance.coupling.inverse import InverseCoupling, InverseCouplings
 from receptance.coupling.line_equations import TERMS
 from receptance.coupling.spindle_modes import SpindleModes
 from receptance.coupling.spindle_receptance import SpindleReceptance
+from receptance.coupling.stabilisation import DAMPING_CHANGE, FREQUENCY_CHANGE, Stabilisation, Stabilisations
 from receptance.model.joints import PointJoint
 from receptance.model.terminals import ENTRIES
 from receptance.report import ACCEPTED, Rejection
 from receptance.report.figure import (
     BAD,
+    BAND,
     COLOURS,
+    INK,
     PALE,
     add_legend,
     finished,
@@ -35,6 +39,8 @@ _FINE = 2000
 _SYMBOLS = {"k_y": "K_y", "k_theta": "K_\u03b8", "k_ytheta": "K_y\u03b8"}
 _TITLES = ("y/F (m/N)", "θ/M (rad/(N m))", "y/M (m/(N m))")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
+_FLAT = 10.0
+"""Criterion up to which its axis is linear."""
 _LAWS = {"constant": "constant", "linear": "K0 + a F", "power": "K0 + a F^n"}
 
 
@@ -160,6 +166,82 @@ def draw_spindle(
         axes.set_xlim(lines[0], lines[-1])
     _draw_condition(figure.add_subplot(grid[1, 1]), lines, spindle.condition)
     return finished(figure, rejection)
+
+
+def draw_stabilisation(stabilised: Stabilisation | Stabilisations, ax: Axes | None = None) -> Figure:
+    """Draw the modes by their number over a measured FRF, and the criterion that chooses the number."""
+    spindles = list(stabilised.values()) if isinstance(stabilised, Stabilisations) else [stabilised]
+    heights = [2.2 + 0.24 * len(each.fits) for each in spindles]
+    figure = surface(ax, 11.0, sum(heights) + 0.8)
+    if stabilised.provenance.title:
+        title_left(figure, stabilised.provenance.title)
+    cells = np.ravel(figure.subfigures(len(spindles), 1, squeeze=False, height_ratios=heights))
+    for cell, each in zip(cells, spindles, strict=True):
+        left, right = cell.subplots(1, 2, sharey=True, width_ratios=[3.0, 1.2])
+        _draw_modes_by_number(left, each)
+        _draw_criterion(right, each)
+    return finished(figure)
+
+
+def _draw_modes_by_number(axes: Axes, stabilised: Stabilisation) -> None:
+    """Draw a mark for each mode of each number of modes, over the magnitude of the FRF."""
+    set_up(axes, f"Modes of {stabilised.name} by their number", "frequency (Hz)", "number of modes", grid="none")
+    behind = axes.twinx()
+    behind.semilogy(stabilised.lines_hz, stabilised.magnitude, color=PALE, linewidth=0.9, alpha=0.6)
+    least, most = float(stabilised.magnitude.min()), float(stabilised.magnitude.max())
+    behind.set_ylim(least / 2.0, most * (most / least) ** 0.2)  # below the legend
+    behind.set_axis_off()
+    axes.set_zorder(behind.get_zorder() + 1.0)
+    axes.set_facecolor("none")
+    numbers = range(1, len(stabilised.fits))
+    rows = [(stabilised.fits[count].modes[:, 0], count, stabilised.stable(count)) for count in numbers]
+    frequency = np.concatenate([row[0] for row in rows])
+    height = np.concatenate([np.full(row[0].size, row[1]) for row in rows])
+    stable = np.concatenate([row[2] for row in rows])
+    axes.axhspan(stabilised.used - 0.4, stabilised.used + 0.4, color=BAND, alpha=0.6, linewidth=0)
+    axes.plot(
+        frequency[stable],
+        height[stable],
+        "o",
+        color=COLOURS[0],
+        markersize=5,
+        label=f"stable: frequency within {100.0 * FREQUENCY_CHANGE:g} %, damping within {100.0 * DAMPING_CHANGE:g} %",
+    )
+    axes.plot(
+        frequency[~stable], height[~stable], "o", color=COLOURS[0], mfc="white", markersize=5, label="other modes"
+    )
+    axes.plot([], [], color=PALE, linewidth=0.9, label=f"|{stabilised.measured}|" if stabilised.measured else "FRF")
+    first, last = stabilised.lines_hz[[0, -1]]
+    axes.set_xlim(min(first, frequency.min()), max(last, 1.02 * frequency.max()))
+    axes.set_ylim(0.4, 0.5 + 1.1 * len(stabilised.fits))  # room for the legend
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    if frequency.max() > last:
+        axes.axvline(last, color=PALE, linewidth=0.8, linestyle=":")
+    add_legend(axes, loc="upper left", ncols=3)
+
+
+def _draw_criterion(axes: Axes, stabilised: Stabilisation) -> None:
+    """Draw the criterion by the number of modes, and name chi-square beside it."""
+    set_up(axes, "Criterion above the least", "beside the marks: chi-square per number", grid="x")
+    numbers = np.arange(1, len(stabilised.fits))
+    values = stabilised.criterion[1:]
+    mark = ", chosen" if stabilised.stated is None else ", stated"
+    axes.axhspan(stabilised.used - 0.4, stabilised.used + 0.4, color=BAND, alpha=0.6, linewidth=0)
+    axes.plot(values, numbers, "o-", color=COLOURS[1], markersize=4.5, linewidth=1.0)
+    axes.set_xscale("symlog", linthresh=_FLAT)
+    axes.xaxis.set_major_locator(FixedLocator([0.0, 1e2, 1e4, 1e6, 1e8]))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_xlim(-0.4 * _FLAT, 60.0 * max(values.max(), _FLAT))
+    for value, number, chi_square in zip(values, numbers, stabilised.chi_square[1:], strict=True):
+        axes.annotate(
+            f"{chi_square:.4g}{mark if number == stabilised.used else ''}",
+            (value, number),
+            xytext=(7, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=8.5,
+            color=INK,
+        )
 
 
 def draw_force_series(series: ForceSeries, ax: Axes | None = None) -> Figure:

@@ -73,7 +73,7 @@ class Equations:
         """Whether all pairs were measured on one structure."""
         return bool(np.all(self.surroundings == self.surroundings[:, :1]))
 
-    def select(self, lines: NDArray[np.bool_]) -> Equations:
+    def select(self, lines: NDArray[np.bool_] | NDArray[np.intp]) -> Equations:
         """Return the equations of selected lines."""
         arrays = [column.name for column in fields(self) if column.name != "terms"]
         return replace(self, **{name: getattr(self, name)[lines] for name in arrays})
@@ -245,7 +245,7 @@ def _quadratic_roots(
     return large / a, c / large
 
 
-def refine(eq: Equations, x: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def refine(eq: Equations, x: NDArray[np.complex128], tolerance: float = _STEP_TOLERANCE) -> NDArray[np.complex128]:
     """Refine solutions by Gauss-Newton steps, vectorised over the lines.
 
     Every line is a least-squares problem of its own in one to three complex unknowns. A step that does not lower the
@@ -260,7 +260,7 @@ def refine(eq: Equations, x: NDArray[np.complex128]) -> NDArray[np.complex128]:
         x, cost = np.where(better[:, None], x + step, x), np.where(better, new, cost)
         length = np.where(better, np.minimum(2.0 * length, 1.0), 0.25 * length)
         result[lines] = x
-        active = np.max(np.abs(step) / (np.abs(x) + 1e-300), axis=1) > _STEP_TOLERANCE
+        active = np.max(np.abs(step) / (np.abs(x) + 1e-300), axis=1) > tolerance
         if not active.any():
             break
         if active.sum() < 0.7 * active.size:

@@ -7,14 +7,16 @@ where damping couples the modes, adds
 
 to the receptance of the spindle, see `Mode`. For a given pole this is linear in the symmetric matrix A. Each further
 mode is tried at the poles at which a matrix A reduces the residuals most, beside all changes that the numbers fitted so
-far can make; its largest singular value gives the shape. All numbers are fitted after each addition. Everything before
-the plane is held, so that an evaluation costs a few sums of modes.
+far can make; its largest singular value gives the shape. All numbers are fitted after each addition. Residuals are
+linear in everything before the plane, so that an evaluation costs a few sums of modes and a projection. They are linear
+about the spindle that was solved line by line, and, once the modes come near to it, about the modes. Candidates are
+tried on some of the lines.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -36,48 +38,160 @@ _TRIED = 3
 """Number of the best candidates that are fitted."""
 _APART = 0.1
 """Least relative distance of the natural frequencies of two of them."""
-_EVALUATIONS = 80
+_EVALUATIONS = 40
 """Largest number of evaluations of each of these fits."""
 _TOLERANCE = 1e-5
 """Relative change at which they have converged."""
+_LEAST_DECREASE = 0.5
+"""Decrease of the cost at which they have converged."""
 _LEAST = 1e-9
 """Least frequency in Hz and damping ratio: a lower bound may be zero."""
 _DEPENDENT = 1e-8
 """Singular values of candidates below this share of the largest are not used."""
 
-Rows = tuple[NDArray[np.complex128], NDArray[np.complex128]]
+_Rows = tuple[NDArray[np.complex128], NDArray[np.complex128]]
 """Residuals `(n, k)` on each line in standard deviations, and their derivatives `(n, k, 3)` by the entries."""
 
 
-def around_solution(equations: Equations, entries: NDArray[np.complex128]) -> Callable[[NDArray[np.complex128]], Rows]:
-    """Return the residuals of a spindle in the metric of its equations about their solution, in which they are linear.
+@dataclass(frozen=True, eq=False)
+class SpindleResiduals:
+    """Residuals of the records as a function of the entries of the spindle, `(n, 3)`, on some lines.
 
-    `entries` are y/F, theta/M and y/M, `(n, 3)`, the solution line by line.
+    They are linear in the variables before the plane about the values `before`: `columns` are the derivatives by these,
+    of the real parts of all residuals, of their imaginary parts, and of further residuals, whose values are `others`.
     """
-    h, slope = equations.evaluate(entries)
-    with np.errstate(all="ignore"):
-        columns = slope / (h * equations.deviation)[..., None]
-    unsolved = ~np.isfinite(columns).all(axis=(1, 2))
-    columns[unsolved] = 0.0
-    root = np.asarray(np.linalg.qr(columns)[1], dtype=np.complex128)
 
-    def rows(other: NDArray[np.complex128]) -> Rows:
-        change = other - entries
-        change[unsolved] = 0.0
-        return np.einsum("nij,nj->ni", root, change), root
+    of_entries: Callable[[NDArray[np.complex128]], _Rows]
+    before: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    columns: NDArray[np.float64] | None = None
+    others: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    constant: float = 0.0
+    """Part of chi-square that neither these nor the entries change."""
 
-    return rows
+    @cached_property
+    def _basis(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        assert self.columns is not None
+        basis, root = np.linalg.qr(self.columns)
+        return basis, root
+
+    def real(
+        self, residual: NDArray[np.complex128], slopes: NDArray[np.complex128]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residuals `(n, k)` and derivatives `(n, k, p)` as real ones, with the best variables.
+
+        These are the variables before the plane.
+        """
+        flat = np.concatenate([residual.real.reshape(-1), residual.imag.reshape(-1), self.others])
+        return self._projected(flat), self.real_columns(slopes)
+
+    def real_columns(self, slopes: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return derivatives `(n, k, p)` as real ones, with the best variables before the plane."""
+        wide = slopes.reshape(-1, slopes.shape[-1])
+        return self._projected(np.concatenate([wide.real, wide.imag, np.zeros((self.others.size, wide.shape[1]))]))
+
+    def _projected(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        if self.columns is None:
+            return rows
+        basis, _ = self._basis
+        return np.asarray(rows - basis @ (basis.T @ rows))
+
+    def best_before(self, residual: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the best values of the variables before the plane."""
+        if self.columns is None:
+            return self.before
+        basis, root = self._basis
+        flat = np.concatenate([residual.real.reshape(-1), residual.imag.reshape(-1), self.others])
+        return np.asarray(self.before - np.linalg.lstsq(root, basis.T @ flat, rcond=_DEPENDENT)[0])
 
 
-def of_records(equations: Equations) -> Callable[[NDArray[np.complex128]], Rows]:
-    """Return the residuals of a spindle in the records themselves: ratios of calculated over measured, less one."""
+@dataclass(frozen=True, eq=False)
+class SpindleLines:
+    """Records about the receptances of a spindle on some lines and values of the variables before its plane.
+
+    Residuals and derivatives are in standard deviations.
+    """
+
+    x: NDArray[np.float64]
+    """`(p,)` variables: unknowns and errors."""
+    entries: NDArray[np.complex128]
+    """`(n, 3)` y/F, theta/M and y/M."""
+    residual: NDArray[np.complex128]
+    """`(n, records)` residuals of the records: the ratio of calculated over measured, less one."""
+    columns: NDArray[np.complex128]
+    """`(n, records, 3)` derivatives by the entries; zero on a line without a spindle."""
+    slopes: NDArray[np.complex128]
+    """`(n, records, p)` derivatives by the variables."""
+    others: tuple[NDArray[np.float64], NDArray[np.float64]]
+    """Residuals of other observations and of priors, and their derivatives by the variables."""
+
+    @property
+    def chi_square(self) -> float:
+        """Sum of squares of all residuals on lines with a spindle."""
+        return float(np.sum(np.abs(self.residual[self._solved]) ** 2) + np.sum(self.others[0] ** 2))
+
+    @property
+    def _solved(self) -> NDArray[np.bool_]:
+        return np.asarray(np.any(self.columns != 0.0, axis=(1, 2)))
+
+    def select(self, lines: NDArray[np.intp]) -> SpindleLines:
+        """Return the records on some of the lines."""
+        arrays = {name: getattr(self, name)[lines] for name in ("entries", "residual", "columns", "slopes")}
+        return replace(self, **arrays)
+
+    def residuals(self) -> SpindleResiduals:
+        """Return the residuals in this metric, in which they are linear."""
+        solved, entries, count = self._solved, self.entries, self.x.size
+        basis, root = np.linalg.qr(self.columns)
+        adjoint = basis.conj().transpose(0, 2, 1)
+        along, first = adjoint @ self.slopes, (adjoint @ self.residual[..., None])[..., 0]
+        along[~solved], first[~solved] = 0.0, 0.0
+
+        def rows(other: NDArray[np.complex128]) -> _Rows:
+            change = np.where(solved[:, None], other - entries, 0.0)
+            return first + np.einsum("nij,nj->ni", root, change), root
+
+        # What no spindle explains depends on the variables alone: as many rows as variables have its sum of squares.
+        rest = (self.slopes - basis @ along)[solved].reshape(-1, count)
+        left = self.residual[solved].reshape(-1)
+        turn, square = np.linalg.qr(np.concatenate([rest.real, rest.imag, self.others[1]]))
+        others = turn.T @ np.concatenate([left.real, left.imag, self.others[0]])
+        flat = along.reshape(-1, count)
+        constant = self.chi_square - float(np.sum(np.abs(first) ** 2) + np.sum(others**2))
+        return SpindleResiduals(rows, self.x, np.concatenate([flat.real, flat.imag, square]), others, constant)
+
+
+def of_records(equations: Equations) -> SpindleResiduals:
+    """Return the residuals of the records themselves, with all before the plane held."""
     weight = 1.0 / (equations.measured * equations.deviation)
 
-    def rows(entries: NDArray[np.complex128]) -> Rows:
+    def rows(entries: NDArray[np.complex128]) -> _Rows:
         h, slope = equations.evaluate(entries)
         return (h - equations.measured) * weight, slope * weight[..., None]
 
-    return rows
+    return SpindleResiduals(rows)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FittedModes:
+    """Modes and residuals of a spindle that were fitted together, in SI units with frequencies in Hz."""
+
+    modes: NDArray[np.float64]
+    """`(m, 6)` numbers of each mode."""
+    bounds: NDArray[np.float64]
+    """`(m, 6, 2)` their bounds; equal where a number is held."""
+    residuals: NDArray[np.float64]
+    """`(3,)`."""
+    chi_square: float
+    """Sum of the squared residuals, in variances."""
+    before: NDArray[np.float64]
+    """`(p,)` variables before the plane that go with them; empty where these are held."""
+    entries: NDArray[np.complex128]
+    """`(n, 3)` y/F, theta/M and y/M of the spindle."""
+
+    @property
+    def free(self) -> int:
+        """Number of fitted numbers of the modes."""
+        return int(np.sum(self.bounds[..., 0] < self.bounds[..., 1]))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -86,8 +200,8 @@ class ModeGrowth:
 
     lines_hz: NDArray[np.inexact]
     """`(n,)` lines, complex with an exponential window."""
-    rows: Callable[[NDArray[np.complex128]], Rows]
-    """Residuals of the spindle's entries."""
+    residuals_of: SpindleResiduals
+    """Residuals as a function of the spindle's entries."""
     bounds: NDArray[np.float64]
     """`(m, 6, 2)` bounds of the numbers of each mode; equal where a number is known."""
     above: NDArray[np.float64]
@@ -96,26 +210,40 @@ class ModeGrowth:
     residual_bounds: NDArray[np.float64]
     """`(3, 2)` bounds of the residuals."""
 
-    def grown(self, residuals: Sequence[float]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the modes `(m, 6)`, their bounds and the residuals `(3,)`, in SI units with frequencies in Hz.
+    def first(self, residuals: Sequence[float]) -> FittedModes:
+        """Return the fit without modes, of the residuals from their start."""
+        return self._end(np.array(residuals, dtype=np.float64) / self._entry_scale, np.empty((0, 6, 2)))
 
-        Parameters
-        ----------
-        residuals : sequence of float
-            Start of the residuals.
-        """
-        limits = np.empty((0, 6, 2))
-        _, x = self._fitted(np.array(residuals, dtype=np.float64) / self._entry_scale, limits)
-        for index in range(len(self.bounds)):
-            ends = []
-            for mode in self._candidates(x, index) or [self._absent(index)]:
-                is_above = mode[0] > self.above[index, 0, 0]
-                trial = np.concatenate([limits, (self.above if is_above else self.bounds)[index : index + 1]])
-                ends.append((*self._fitted(self._with_mode(x, mode), trial), trial))
-            _, x, limits = min(ends, key=lambda end: end[0])
+    def fitted(self, start: FittedModes) -> FittedModes:
+        """Return the fit from a start."""
+        return self._end(self._variables(start), start.bounds)
+
+    def with_next(self, start: FittedModes) -> FittedModes:
+        """Return the best fit with a further mode."""
+        x, index = self._variables(start), len(start.modes)
+        ends = []
+        for mode in self._candidates(x, index) or [self._absent(index)]:
+            is_above = mode[0] > self.above[index, 0, 0]
+            trial = np.concatenate([start.bounds, (self.above if is_above else self.bounds)[index : index + 1]])
+            ends.append(self._end(self._with_mode(x, mode), trial))
+        return min(ends, key=lambda end: end.chi_square)
+
+    def _end(self, x: NDArray[np.float64], limits: NDArray[np.float64]) -> FittedModes:
+        """Return the end of a fit of modes within their bounds `(k, 6, 2)`."""
+        cost, x = self._fitted(x, limits)
         modes, rest = self._split(x)
-        modes = np.clip(self._unscaled(modes), limits[..., 0], limits[..., 1])
-        return modes, limits, np.clip(rest * self._entry_scale, *self.residual_bounds.T)
+        entries = self._entries(modes)[0] + rest * self._entry_scale
+        return FittedModes(
+            modes=np.clip(self._unscaled(modes), limits[..., 0], limits[..., 1]),
+            bounds=limits,
+            residuals=np.clip(rest * self._entry_scale, *self.residual_bounds.T),
+            chi_square=2.0 * cost + self.residuals_of.constant,
+            before=self.residuals_of.best_before(self.residuals_of.of_entries(entries)[0]),
+            entries=entries,
+        )
+
+    def _variables(self, fit: FittedModes) -> NDArray[np.float64]:
+        return np.concatenate([self._scaled(fit.modes).reshape(-1), fit.residuals / self._entry_scale])
 
     @cached_property
     def _middle(self) -> float:
@@ -163,7 +291,7 @@ class ModeGrowth:
         core = _core.Problem(np.zeros(x.size, dtype=np.bool_), limits, np.zeros((0, 3)), _checks.thread_count(1))
         core.add_function(self._evaluate)
         start = np.ascontiguousarray(np.clip(x, *limits)[None])
-        ends = core.fit(start, limits[0] < limits[1], np.array([_EVALUATIONS]), _TOLERANCE)
+        ends = core.fit(start, limits[0] < limits[1], np.array([_EVALUATIONS]), _TOLERANCE, _LEAST_DECREASE)
         return float(ends.cost[0]), np.asarray(ends.x[0])
 
     def _evaluate(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
@@ -171,13 +299,10 @@ class ModeGrowth:
         modes, rest = self._split(x)
         entries, slopes = self._entries(modes)
         with np.errstate(all="ignore"):
-            residual, by_entry = self.rows(entries + rest * self._entry_scale)
+            residual, by_entry = self.residuals_of.of_entries(entries + rest * self._entry_scale)
             columns = np.concatenate([slopes, np.broadcast_to(np.diag(self._entry_scale), (len(slopes), 3, 3))], axis=2)
-            jacobian = by_entry @ columns
-        flat, wide = residual.reshape(-1), jacobian.reshape(-1, x.size)
-        if not (np.isfinite(flat).all() and np.isfinite(wide).all()):
-            return None
-        return np.concatenate([flat.real, flat.imag]), np.concatenate([wide.real, wide.imag])
+            flat, wide = self.residuals_of.real(residual, by_entry @ columns)
+        return (flat, wide) if np.isfinite(flat).all() and np.isfinite(wide).all() else None
 
     def _entries(self, modes: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return the sum of modes `(n, 3)` and its derivatives by their variables, `(n, 3, 6 m)`."""
@@ -221,7 +346,7 @@ class ModeGrowth:
         basis, _ = np.linalg.qr(moving / np.linalg.norm(moving, axis=0))
         residual = residual - basis @ (basis.T @ residual)
         modes, rest = self._split(x)
-        _, by_entry = self.rows(self._entries(modes)[0] + rest * self._entry_scale)
+        _, by_entry = self.residuals_of.of_entries(self._entries(modes)[0] + rest * self._entry_scale)
         scaled = by_entry * self._entry_scale
         lines = self.lines_hz.real
         (low, high), (least, most) = self.bounds[index, :2]
@@ -256,11 +381,10 @@ class ModeGrowth:
         s, pole = 2j * np.pi * self.lines_hz, angular * (-ratio + 1j * free)
         gain = self._middle**2 / (2j * angular * free)
         first, second = gain / (s - pole), np.conj(gain) / (s - np.conj(pole))
-        real, imaginary = (
-            (slope * factor[:, None, None]).reshape(-1, 3) for factor in (first + second, 1j * (first - second))
+        factors = (first + second, 1j * (first - second))
+        columns = self.residuals_of.real_columns(
+            np.concatenate([slope * factor[:, None, None] for factor in factors], axis=2)
         )
-        columns = np.concatenate([real, imaginary], axis=1)
-        columns = np.concatenate([columns.real, columns.imag])
         columns = columns - basis @ (basis.T @ columns)
         sizes = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         columns = columns / sizes

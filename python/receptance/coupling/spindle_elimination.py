@@ -11,22 +11,26 @@ parameters before the plane alone. They are solved by variable projection (Golub
 
 1. Each configuration by itself. Its records are linear in (S + Y)^-1, so that no start for S is needed, and residuals
    that count as large errors as 30 % have few local optima over decades of the joint's stiffnesses.
-2. All configurations, which have the same S, with errors of dimensions and materials and their priors.
+2. All configurations, which have the same S, with errors of dimensions and materials and their priors: on some of the
+   lines, then on all.
+
+The cost of a line may have several minima in S. A line with a poor one starts again from S on a line beside it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 from scipy.optimize import least_squares
 
 from receptance import _checks, _core
 from receptance.coupling.blanks import blank_equations
 from receptance.coupling.common_lines import common_lines
 from receptance.coupling.line_equations import TERMS, Equations, linear_solution, refine
+from receptance.coupling.mode_growth import SpindleLines
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation, Unit, altered
 from receptance.fit.parameters import FACTORS, Parameters
@@ -36,8 +40,10 @@ from receptance.fit.unknowns import Tolerance, Unknown
 from receptance.model.assembly import Assembly
 from receptance.model.terminals import MeasuredPart
 
-_LINES = 150
+_LINES = 1000
 """Largest number of lines."""
+_THINNED = 150
+"""Largest number of lines of the first fits."""
 _FIRST_LINES = 40
 """Number of these lines in the first step."""
 _ERROR = 0.3
@@ -50,18 +56,10 @@ _TOLERANCE = 1e-6
 """Relative change at which a fit has converged."""
 _LEAST = 1e-2
 """Decrease of the cost at which the second step has converged."""
-
-
-@dataclass(frozen=True, eq=False)
-class SpindleLines:
-    """Receptances of an unknown spindle on some lines, and the parameters before its plane."""
-
-    values: dict[str, float]
-    """Values of unknowns and errors by name, in SI units."""
-    equations: Equations
-    """The records as equations for the spindle, with these values."""
-    entries: NDArray[np.complex128]
-    """`(n, 3)` y/F, theta/M and y/M on the lines of the equations."""
+_ENTRY_TOLERANCE = 1e-8
+"""Relative change at which the spindle on a line has converged."""
+_CHANCE = 1e-4
+"""Probability with which noise alone makes the cost of a line a poor one."""
 
 
 class SpindleRecords:
@@ -90,12 +88,19 @@ class SpindleRecords:
             common, lines, rows, _ = common_lines(tuple(records))
         except ValueError:
             return None
-        chosen = _few(lines.size, _LINES)
+        chosen = few(lines.size, _LINES)
         lines = lines[chosen]
         records = [
-            altered(record.select(row[chosen]), frequency_hz=lines) for record, row in zip(common, rows, strict=True)
+            altered(_thinned(record.select(row), chosen), frequency_hz=lines)
+            for record, row in zip(common, rows, strict=True)
         ]
         return cls(records, others, unknowns, name, tolerances, threads)
+
+    def thinned(self) -> SpindleRecords:
+        """Return the records on some of the lines."""
+        chosen = few(self.lines_hz.size, _THINNED)
+        records = [_thinned(record, chosen) for record in self._records]
+        return SpindleRecords(records, self._others, self._unknowns, self._name, self._tolerances, self._threads)
 
     def __init__(
         self,
@@ -107,7 +112,8 @@ class SpindleRecords:
         threads: int | None,
     ) -> None:
         self.lines_hz, self.terminal = records[0].frequency_hz, records[0].assembly.elements[name]
-        self._records, self._name, self._threads = tuple(records), name, threads
+        self._records, self._others, self._name, self._threads = tuple(records), tuple(others), name, threads
+        self._unknowns, self._tolerances = tuple(unknowns), tuple(tolerances)
         observed = (*records, *others)
         parameters = Parameters(unknowns, tolerances, [o.site(i) for i, o in enumerate(observed)])
         units: list[Unit] = ["standard deviations"] * len(observed)
@@ -136,12 +142,27 @@ class SpindleRecords:
         """Return the equations of all records for the spindle, with these variables."""
         return self._equations(self._task, x)
 
+    @property
+    def count(self) -> int:
+        """Number of real numbers of the records."""
+        return 2 * len(self._records) * self.lines_hz.size
+
+    @property
+    def independent_values(self) -> float:
+        """Effective number of independent real numbers of the records."""
+        return sum(record.independent_values for record in self._records)
+
     def eliminated(self, seed: int) -> SpindleLines | None:
         """Return spindle and variables that explain the records best.
 
         None where no configuration has more than three records that separate the terms of the spindle.
         """
-        return self._all_configurations(self._each_configuration(seed)) if self._configurations else None
+        if not self._configurations:
+            return None
+        thinned = self.thinned()
+        x = thinned._all_configurations(thinned._each_configuration(seed))
+        x = None if x is None else self._all_configurations(x)
+        return None if x is None else self._about_best(x)
 
     def _separates(self, indices: Sequence[int]) -> bool:
         """Return whether records determine all terms of the spindle, with the start values."""
@@ -164,7 +185,7 @@ class SpindleRecords:
         """Return the variables after the first step, of which stiffnesses are fitted and dampings are typical."""
         variables = self._exact.variables
         low, high = variables.limits
-        rows = _few(self.lines_hz.size, _FIRST_LINES)
+        rows = few(self.lines_hz.size, _FIRST_LINES)
         free = np.array([unknown.prior is None for unknown in variables.unknowns])
         free &= ~(is_damping(variables) | np.isin(variables.names, FACTORS))
         starts = np.where(free, variables.draw(_STARTS if free.any() else 1, seed), variables.start)
@@ -190,8 +211,8 @@ class SpindleRecords:
         exact = with_damping(variables, best[None], self._angular)[0]
         return np.append(exact, self._task.variables.start[exact.size :])
 
-    def _all_configurations(self, x: NDArray[np.float64]) -> SpindleLines | None:
-        """Return the result of the second step, in which every variable is fitted."""
+    def _all_configurations(self, x: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Return the variables after the second step, in which all are fitted; None without a value at the start."""
         variables = self._task.variables
         core = _core.Problem(
             variables.logarithmic, np.ascontiguousarray(variables.limits), variables.priors, _checks.thread_count(1)
@@ -199,10 +220,7 @@ class SpindleRecords:
         core.add_function(self._rows)
         free = np.ones(x.size, dtype=np.bool_)
         ends = core.fit(np.ascontiguousarray(x[None]), free, np.array([_EVALUATIONS]), _TOLERANCE, _LEAST)
-        if not np.isfinite(ends.cost[0]):
-            return None
-        equations = self.equations(ends.x[0])
-        return SpindleLines(self.named(ends.x[0]), equations, self._solved(equations)[0])
+        return np.asarray(ends.x[0]) if np.isfinite(ends.cost[0]) else None
 
     @property
     def _angular(self) -> float:
@@ -236,43 +254,78 @@ class SpindleRecords:
         with np.errstate(all="ignore"):
             starts = [linear_solution(equations.of_pairs(indices)) for indices in self._configurations]
             starts += [] if self._entries is None else [self._entries]
-            ends = np.stack([refine(equations, start) for start in starts])
+            ends = np.stack([refine(equations, start, _ENTRY_TOLERANCE) for start in starts])
             costs = np.stack([equations.cost(end) for end in ends])
-        best = np.argmin(np.where(np.isfinite(costs), costs, np.inf), axis=0)
-        lines = np.arange(best.size)
-        return ends[best, lines], costs[best, lines]
+            best = np.argmin(np.where(np.isfinite(costs), costs, np.inf), axis=0)
+            lines = np.arange(best.size)
+            entries, cost = ends[best, lines], costs[best, lines]
+            self._improve(equations, entries, cost)
+        return entries, cost
 
-    def _rows(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """Return the residuals with the spindle that explains them best, and their projected derivatives."""
-        try:
-            equations = self.equations(x)
-            entries, cost = self._solved(equations)
-            solved = np.isfinite(cost)
-            before = np.ones_like(entries) if self._entries is None else self._entries
-            self._entries = np.where(solved[:, None], entries, before)
-            problem = self._on_table(self._entries)
-            residual, jacobian = problem.rows(x, np.ones(x.size, dtype=np.bool_))
-        except (ValueError, ReceptanceError):
-            return None
+    def _improve(self, equations: Equations, entries: NDArray[np.complex128], cost: NDArray[np.float64]) -> None:
+        """Replace poor solutions of lines by better ones from the lines beside them."""
+        freedom = 2 * (len(self._records) - len(TERMS))
+        # The scatter may differ from the stated one.
+        scale = np.median(cost) / special.chdtri(freedom, 0.5)
+        is_poor = ~(cost <= scale * special.chdtri(freedom, _CHANCE))
+        poor, good = np.flatnonzero(is_poor), np.flatnonzero(~is_poor)
+        if not (poor.size and good.size):
+            return
+        after = np.searchsorted(good, poor)
+        lines = equations.select(is_poor)
+        for beside in (good[np.maximum(after - 1, 0)], good[np.minimum(after, good.size - 1)]):
+            other = refine(lines, entries[beside], _ENTRY_TOLERANCE)
+            lower = lines.cost(other)
+            better = lower < cost[poor]
+            entries[poor[better]], cost[poor[better]] = other[better], lower[better]
+
+    def about(self, x: NDArray[np.float64], entries: NDArray[np.complex128]) -> SpindleLines:
+        """Return the records about a spindle with these entries `(n, 3)`; raise where the model has no value."""
+        equations = self.equations(x)
+        return self._about(x, equations, entries, np.isfinite(equations.cost(entries)))
+
+    def _about_best(self, x: NDArray[np.float64]) -> SpindleLines:
+        """Return the records about the spindle that explains them best; raise where the model has no value."""
+        equations = self.equations(x)
+        entries, cost = self._solved(equations)
+        solved = np.isfinite(cost)
+        before = np.ones_like(entries) if self._entries is None else self._entries
+        self._entries = np.where(solved[:, None], entries, before)
+        return self._about(x, equations, self._entries, solved)
+
+    def _about(
+        self, x: NDArray[np.float64], equations: Equations, entries: NDArray[np.complex128], solved: NDArray[np.bool_]
+    ) -> SpindleLines:
+        problem = self._on_table(entries)
+        residual, jacobian = problem.rows(x, np.ones(x.size, dtype=np.bool_))
         weight = 1.0 / equations.deviation
         with np.errstate(all="ignore"):
-            h, slope = equations.evaluate(self._entries)
+            h, slope = equations.evaluate(entries)
         # A line without a spindle has the residual of a receptance of zero.
         ratio = np.where(solved[:, None], h / equations.measured, 0.0)
         columns = np.where(solved[:, None, None], slope * (weight / equations.measured)[..., None], 0.0)
-        basis, _ = np.linalg.qr(columns)
         count, size = len(self._records), sum(problem.sizes[: len(self._records)])
         # The problem's residuals are logarithms of measured over calculated receptances. Those of the equations, ratios
         # of calculated over measured ones less one, are bounded where a calculated receptance vanishes.
         real, imaginary = jacobian[:size].reshape(count, 2, -1, x.size).transpose(1, 2, 0, 3)
         slopes = -ratio[..., None] * (real + 1j * imaginary)
-        slopes = (slopes - basis @ (basis.conj().transpose(0, 2, 1) @ slopes)).reshape(-1, x.size)
-        relative = ((ratio - 1.0) * weight).reshape(-1)
-        others = slice(size, sum(problem.sizes))
-        return (
-            np.concatenate([relative.real, relative.imag, residual[others]]),
-            np.concatenate([slopes.real, slopes.imag, jacobian[others]]),
+        others = residual[size:], jacobian[size:]
+        return SpindleLines(
+            x, entries, np.asarray((ratio - 1.0) * weight, dtype=np.complex128), columns, slopes, others
         )
+
+    def _rows(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """Return the residuals with the spindle that explains them best, and their projected derivatives."""
+        try:
+            spindle = self._about_best(x)
+        except (ValueError, ReceptanceError):
+            return None
+        basis, _ = np.linalg.qr(spindle.columns)
+        slopes = spindle.slopes - basis @ (basis.conj().transpose(0, 2, 1) @ spindle.slopes)
+        flat, wide = spindle.residual.reshape(-1), slopes.reshape(-1, x.size)
+        # The problem that is fitted has the priors itself.
+        residual, jacobian = (rows[: rows.shape[0] - len(self._task.variables.priors)] for rows in spindle.others)
+        return np.concatenate([flat.real, flat.imag, residual]), np.concatenate([wide.real, wide.imag, jacobian])
 
     def _on_table(self, entries: NDArray[np.complex128]) -> Problem:
         """Return the problem of all observations on a spindle with these receptances."""
@@ -294,7 +347,13 @@ class SpindleRecords:
         return self._task.problem(observed)
 
 
-def _few(count: int, most: int) -> NDArray[np.intp]:
+def _thinned(record: Observation, chosen: NDArray[np.intp]) -> Observation:
+    """Return a record on some of its lines, which are correlated the less the wider they are apart."""
+    correlated = np.maximum(record.correlated_lines * (chosen.size / record.frequency_hz.size), 1.0)
+    return altered(record, correlated_lines=correlated).select(chosen)
+
+
+def few(count: int, most: int) -> NDArray[np.intp]:
     """Return at most so many indices, evenly spaced."""
     return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(np.intp))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,10 +21,8 @@ from receptance.model.terminals import DISCREPANCY_WIDTH, RESIDUALS, ModalPart, 
 POOR = 2.0
 """Rms of the residuals, in standard deviations, above which modes describe a spindle poorly. Smaller errors of a few
 modes with viscous damping are in their `discrepancy`."""
-_PATIENCE = 2
-"""Further modes without a lower criterion after which no more are tried."""
 _MOST_MODES = 24
-"""Largest number of modes that is tried."""
+"""Largest number of modes that the responses may show."""
 _DISCREPANCIES = (1e-6, 1.0)
 """Range of the relative model error."""
 _SHARE = 0.6
@@ -136,8 +133,8 @@ def fit_spindle(
     all parameters. Its start is that of a spindle that was never measured alone (`receptance.coupling.unknown_modes`):
     modes are added one at a time.
 
-    Without a number of modes, that with the least Bayesian information criterion N log(chi^2 / N) + p log N is taken,
-    with p fitted numbers and N real numbers of the responses. Modes above the band represent those there.
+    Without a number of modes the evidence of the responses chooses it (`receptance.coupling.stabilisation`). Modes above
+    the band represent those there.
 
     Parameters
     ----------
@@ -177,71 +174,49 @@ def fit_spindle(
     observed = check_observations(tuple(observations))
     check_blanks(observed)
     _, lines, _, _ = common_lines(observed)
-    errors = tuple(tolerances)
+    given: list[dict[str, float]]
     if modes is None:
-        fit = _with_evident_modes(observed, name, errors, threads)
+        given = [{} for _ in range(_MOST_MODES)]
+    elif isinstance(modes, int):
+        given = [{} for _ in range(modes)]
     else:
-        given: list[dict[str, float]] = (
-            [{} for _ in range(modes)]
-            if isinstance(modes, int)
-            else [*({"frequency_hz": float(frequency)} for frequency in modes), {}]
-        )
-        fit = _fit(observed, given, name, errors, threads)
-    part = fit.part
+        given = [*({"frequency_hz": float(frequency)} for frequency in modes), {}]
+    start = _start(name, len(given))
+    coupled = _coupled(observed, start)
+    unknowns, errors, _ = start_modes(
+        coupled,
+        bounds_of_modes(name, given, {}, coupled),
+        name,
+        by_evidence=modes is None,
+        tolerances=tuple(tolerances),
+        threads=threads,
+    )
+    started = {unknown.address for unknown in unknowns}
+    count = sum(f"{name}.mode[{index}].frequency_hz" in started for index in range(len(given)))
+    start = _start(name, count)
+    coupled = _coupled(observed, start)
+    fit = identify(coupled, unknowns, starts=1, tolerances=errors, threads=threads, noise="stated")
+    if not fit.converged:
+        # Modes above the band have long valleys.
+        unknowns = [replace(unknown, start=fit.values[unknown.address]) for unknown in unknowns]
+        errors = [replace(error, start=fit.values[error.name]) for error in errors]
+        fit = identify(coupled, unknowns, starts=1, tolerances=errors, threads=threads, noise="stated")
+    fitted = {address: f"{name}.{address}" for address in start.addresses}
+    part = start.with_values({own: fit.values[address] for own, address in fitted.items() if address in fit.values})
+    discrepancy = _discrepancy(_coupled(observed, part), part)
+    band = (float(lines.real[0]), float(lines.real[-1]))
     return SpindleModes(
-        part=replace(
-            part,
-            band_hz=(float(lines.real[0]), float(lines.real[-1])),
-            discrepancy=_discrepancy(_coupled(observed, part), part),
-        ),
-        covariance=_covariance(fit.identification, part),
-        identification=fit.identification,
+        part=replace(part, band_hz=band, discrepancy=discrepancy), covariance=_covariance(fit, part), identification=fit
     )
 
 
-class _FitOfModes(NamedTuple):
-    """A fit of a number of modes."""
+def _start(name: str, count: int) -> ModalPart:
+    """Return so many modes without effect.
 
-    part: ModalPart
-    identification: Identification
-    criterion: float
-    """Bayesian information criterion, up to a constant of the records."""
-
-
-def _with_evident_modes(
-    observed: Sequence[Observation], name: str, errors: Sequence[Tolerance], threads: int | None
-) -> _FitOfModes:
-    """Return the fit with the number of modes of the least criterion, of the fits that have converged."""
-    fits: list[_FitOfModes] = []
-    best = 0
-    while len(fits) - best <= _PATIENCE and len(fits) < _MOST_MODES:
-        fits.append(_fit(observed, [{} for _ in range(len(fits) + 1)], name, errors, threads))
-        best = min(
-            range(len(fits)),
-            key=lambda index: (not fits[index].identification.converged, fits[index].criterion),
-        )
-    return fits[best]
-
-
-def _fit(
-    observed: Sequence[Observation],
-    given: Sequence[dict[str, float]],
-    name: str,
-    errors: Sequence[Tolerance],
-    threads: int | None,
-) -> _FitOfModes:
-    """Return the fit of modes of which some numbers are about known."""
-    # Numbers that are not fitted, imaginary parts of the shapes of modes above the band, stay zero.
-    start = ModalPart(modes=[Mode(frequency_hz=1.0, damping_ratio=0.03, y=0.0, theta=0.0) for _ in given], name=name)
-    coupled = _coupled(observed, start)
-    unknowns = bounds_of_modes(name, given, {}, coupled)
-    unknowns, begun = start_modes(coupled, unknowns, name, tolerances=errors, threads=threads)
-    fit = identify(coupled, unknowns, starts=1, tolerances=begun, threads=threads, noise="stated")
-    fitted = {address: f"{name}.{address}" for address in start.addresses}
-    part = start.with_values({short: fit.values[address] for short, address in fitted.items() if address in fit.values})
-    count = 2 * sum(observation.frequency_hz.size for observation in observed)
-    criterion = 2.0 * count * float(np.log(max(fit.rms, 1e-12))) + len(unknowns) * float(np.log(count))
-    return _FitOfModes(part, fit, criterion)
+    Numbers that are not fitted, imaginary parts of the shapes of modes above the band, stay zero.
+    """
+    mode = Mode(frequency_hz=1.0, damping_ratio=0.03, y=0.0, theta=0.0)
+    return ModalPart(modes=(mode,) * count, name=name)
 
 
 def _covariance(fit: Identification, part: ModalPart) -> NDArray[np.float64]:

@@ -426,7 +426,7 @@ def _valid_to_first_order(equations: Equations, x: NDArray[np.complex128]) -> ND
     with np.errstate(all="ignore"):
         scale = equations.scale(x)
         reaction = equations.sensitivity(x) * equations.deviation[:, None, :] / scale[..., None]
-        finite = np.isfinite(reaction).all(axis=(1, 2))
+        finite = np.asarray(np.isfinite(reaction).all(axis=(1, 2)))
         ends, sizes, causes = np.linalg.svd(np.where(finite[:, None, None], reaction, 0.0), full_matrices=False)
         farthest = np.where(finite, 0.0, np.inf)
         for cause in np.moveaxis(causes.conj(), 1, 0):

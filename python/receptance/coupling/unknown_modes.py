@@ -5,7 +5,8 @@ together with the joint. Such a fit has many local optima, and steps with a hund
 built up. Where the records determine the receptances of the spindle line by line, the parameters before its plane are
 fitted first, whatever the spindle is (`spindle_elimination`), and the modes are those of these receptances
 (`mode_growth`). With fewer records the modes are those that explain the records with the parameters held, from several
-starts of these. Both end with a fit of everything on some of the lines.
+starts of these, and a fit of everything on some of the lines tells which start is best. The number of modes is stated,
+or the evidence of the records chooses it (`stabilisation`).
 
 Shapes are complex: dampers at bearings couple the modes.
 """
@@ -13,18 +14,29 @@ Shapes are complex: dampers at bearings couple the modes.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance._peaks import local_maxima
-from receptance.coupling.mode_growth import QUANTITIES, ModeGrowth, Rows, around_solution, of_records
-from receptance.coupling.spindle_elimination import SpindleRecords
+from receptance.coupling.line_equations import Equations
+from receptance.coupling.mode_growth import (
+    QUANTITIES,
+    FittedModes,
+    ModeGrowth,
+    SpindleLines,
+    SpindleResiduals,
+    of_records,
+)
+from receptance.coupling.spindle_elimination import SpindleRecords, few
+from receptance.coupling.stabilisation import Stabilisation, up_to_least
+from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation, Unit, altered
 from receptance.fit.parameters import Parameters
-from receptance.fit.problem import End, Task
+from receptance.fit.problem import End, Task, one_blas_thread
 from receptance.fit.unknowns import Tolerance, Unknown
 from receptance.model.assembly import Assembly
 from receptance.model.terminals import RESIDUALS, ModalPart
@@ -54,6 +66,10 @@ _SAME = 0.1
 """Relative distance within which a peak belongs to a mode with a given frequency."""
 _UNWEIGHTED = 0.01
 """Relative standard deviation of observations without one."""
+_TRIED_LINES = 150
+"""Largest number of lines on which a further mode is tried."""
+_NEAR = 2.0
+"""Ratio of chi-square of modes to that of any spindle below which the records are linear about the modes."""
 _LINES = 200
 """Lines of each FRF in the fit of everything."""
 _EVALUATIONS = 60
@@ -152,52 +168,107 @@ def _frequencies(
     return [next(waiting) if frequency is None else frequency for frequency in given]
 
 
+@one_blas_thread()
 def start_modes(
     observations: Sequence[Observation],
     unknowns: Sequence[Unknown],
     name: str,
     *,
+    by_evidence: bool = False,
     tolerances: Sequence[Tolerance] = (),
     starts: int = 1,
     seed: int = 0,
     threads: int | None = None,
-) -> tuple[list[Unknown], list[Tolerance]]:
+) -> tuple[list[Unknown], list[Tolerance], Stabilisation | None]:
     """Return unknowns and tolerances with starts for a fit of the modes of the part `name` and of all others.
 
     The observations all have standard deviations or none; the unknowns include those of `bounds_of_modes`. `starts` is
     the number of starts, drawn with the seed, of the parameters before the plane where the records do not determine the
     spindle line by line. Observations without a common line leave the starts as they are.
+
+    The third result has the modes by their number, None without a common line. With `by_evidence` the unknowns are
+    those of as many modes as the records show; the others of the part have no effect. Then a common line is needed
+    (`ReceptanceError`).
     """
-    if not all(observation.weighted for observation in observations):
+    observed = list(observations)
+    if not all(observation.weighted for observation in observed):
         # Without weights only the relative sizes of residuals count, here all alike.
-        observations = [altered(o, standard_deviation=_UNWEIGHTED * _sizes(o)) for o in observations]
+        observed = [altered(o, standard_deviation=_UNWEIGHTED * _sizes(o)) for o in observed]
     modal = [unknown for unknown in unknowns if unknown.address.startswith(f"{name}.")]
     others = [unknown for unknown in unknowns if unknown not in modal]
-    records = SpindleRecords.of(observations, others, name, tolerances, threads)
+    records = SpindleRecords.of(observed, others, name, tolerances, threads)
     if records is None:
-        return list(unknowns), list(tolerances)
+        if by_evidence:
+            raise ReceptanceError(
+                f"the number of modes of {name} cannot be chosen, because its records have no common lines; "
+                "expected records of one band, or a number of modes"
+            )
+        return list(unknowns), list(tolerances), None
     terminal = records.terminal
     if not isinstance(terminal, ModalPart):
         raise TypeError(f"{name!r} is {terminal!r}, expected a modal part")
     part = _Modes(name, terminal, {unknown.address: unknown for unknown in modal})
+
     spindle = records.eliminated(seed)
     if spindle is not None:
-        before = [(spindle.values, around_solution(spindle.equations, spindle.entries))]
-    else:
-        before = [(records.named(x), of_records(records.equations(x))) for x in records.starts(starts, seed)]
-    sites = [observation.site(i) for i, observation in enumerate(observations)]
-    units: list[Unit] = ["standard deviations"] * len(observations)
-    fits = []
-    for values, rows in before:
-        begun = [*_started(others, values), *part.grown(records.lines_hz, rows)]
+        near = _NEAR * spindle.chi_square
+        steps = part.steps(records.lines_hz, _residuals_on(spindle), records.about, near)
+        fit, chosen = _fit_of_modes(part.name, steps, records, observed, by_evidence=by_evidence)
+        values = records.named(fit.before)
+        errors = [replace(tolerance, start=values[tolerance.name]) for tolerance in tolerances]
+        return _turned([*_started(others, values), *part.started(fit)], name), errors, chosen
+    records = records.thinned()
+    sites = [observation.site(i) for i, observation in enumerate(observed)]
+    units: list[Unit] = ["standard deviations"] * len(observed)
+    ends = []
+    for x in records.starts(starts, seed):
+        values = records.named(x)
+        steps = part.steps(records.lines_hz, _of_equations(records.equations(x)))
+        fit, chosen = _fit_of_modes(part.name, steps, records, observed, by_evidence=by_evidence)
+        begun = [*_started(others, values), *part.started(fit)]
         errors = [replace(tolerance, start=values.get(tolerance.name, 0.0)) for tolerance in tolerances]
-        parameters = Parameters(begun, errors, sites)
-        task = Task(tuple(observations), parameters, tuple(units), threads=threads)
-        fits.append((_fitted(task, name), task, begun))
-    end, task, begun = min(fits, key=lambda fit: fit[0].cost)
+        task = Task(tuple(observed), Parameters(begun, errors, sites), tuple(units), threads=threads)
+        end = _fitted(task, name)
+        size = 2.0 * end.cost + fit.free * float(np.log(records.independent_values))
+        ends.append((size, end, task, begun, chosen))
+    _, end, task, begun, chosen = min(ends, key=lambda each: each[0])
     values = dict(zip(task.variables.names, task.variables.to_values(end.x).tolist(), strict=True))
     errors = [replace(tolerance, start=values[tolerance.name]) for tolerance in tolerances]
-    return _turned(_started(begun, values), name), errors
+    return _turned(_started(begun, values), name), errors, chosen
+
+
+def _fit_of_modes(
+    name: str,
+    steps: Iterator[FittedModes],
+    records: SpindleRecords,
+    observed: Sequence[Observation],
+    *,
+    by_evidence: bool,
+) -> tuple[FittedModes, Stabilisation]:
+    """Return the fit of all modes, or of the number that the records show, and how these depend on the number."""
+    frf = next(o for o in observed if o.is_receptance and name in o.assembly.elements)
+    fits = up_to_least(steps, records.independent_values) if by_evidence else tuple(steps)
+    stabilisation = Stabilisation(
+        name=name,
+        fits=fits,
+        count=records.count,
+        values=records.independent_values,
+        lines_hz=frf.frequency_hz.real,
+        magnitude=np.abs(frf.receptance),
+        measured=frf.label,
+        stated=None if by_evidence else len(fits) - 1,
+    )
+    return fits[stabilisation.used], stabilisation
+
+
+def _residuals_on(records: SpindleLines) -> Callable[[NDArray[np.intp]], SpindleResiduals]:
+    """Return a function that returns the residuals of the records on some of their lines."""
+    return lambda lines: records.select(lines).residuals()
+
+
+def _of_equations(equations: Equations) -> Callable[[NDArray[np.intp]], SpindleResiduals]:
+    """Return the same for records with everything before the plane held."""
+    return lambda lines: of_records(equations.select(lines))
 
 
 def _started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[Unknown]:
@@ -251,25 +322,57 @@ class _Modes:
     unknowns: Mapping[str, Unknown]
     """Unknowns of the part by address."""
 
-    def grown(self, lines_hz: NDArray[np.inexact], rows: Callable[[NDArray[np.complex128]], Rows]) -> list[Unknown]:
-        """Return the unknowns with starts for modes that were added one at a time.
+    def steps(
+        self,
+        lines_hz: NDArray[np.inexact],
+        residuals_on: Callable[[NDArray[np.intp]], SpindleResiduals],
+        about: Callable[[NDArray[np.float64], NDArray[np.complex128]], SpindleLines] | None = None,
+        near: float = 0.0,
+    ) -> Iterator[FittedModes]:
+        """Yield the fits of no mode, of one and so on.
 
-        The imaginary part of the shape of a mode above the lines is kept; it is no unknown any more.
+        The imaginary part of the shape of a mode above the lines is held as it is described.
+
+        Parameters
+        ----------
+        lines_hz : ndarray
+            `(n,)` lines.
+        residuals_on : callable
+            Returns the residuals on some of the lines.
+        about : callable, optional
+            Returns the records about variables before the plane and entries of the spindle. Further fits are about
+            those of a fit whose chi-square is below `near`.
         """
-        described = [[getattr(mode, quantity) for quantity in QUANTITIES] for mode in self.part.modes]
-        pairs = [
-            self._bounds(f"mode[{index}].{quantity}", value)
-            for index, row in enumerate(described)
-            for quantity, value in zip(QUANTITIES, row, strict=True)
-        ]
-        bounds = np.array(pairs).reshape(len(described), len(QUANTITIES), 2)
+        bounds = self._bounds_of_modes
         residuals = [getattr(self.part, quantity) for quantity in RESIDUALS]
         limits = np.array([self._bounds(name, value) for name, value in zip(RESIDUALS, residuals, strict=True)])
-        above = self._above(bounds, np.array(described), float(lines_hz.real[-1]))
-        growth = ModeGrowth(lines_hz=lines_hz, rows=rows, bounds=bounds, above=above, residual_bounds=limits)
-        modes, chosen, rest = growth.grown(residuals)
-        modes, chosen = _in_order(modes, chosen, bounds)
-        numbers = dict(zip((f"{self.name}.{quantity}" for quantity in RESIDUALS), rest.tolist(), strict=True))
+        above = self._above(bounds, float(lines_hz.real[-1]))
+        every, some = np.arange(lines_hz.size), few(lines_hz.size, _TRIED_LINES)
+
+        def growth(lines: NDArray[np.intp]) -> ModeGrowth:
+            return ModeGrowth(
+                lines_hz=lines_hz[lines],
+                residuals_of=residuals_on(lines),
+                bounds=bounds,
+                above=above,
+                residual_bounds=limits,
+            )
+
+        on_all, on_some = growth(every), growth(some)
+        fit = on_all.first(residuals)
+        yield fit
+        for _ in range(len(bounds)):
+            fit = on_all.fitted(on_some.with_next(fit))
+            if about is not None and fit.chi_square < near:
+                residuals_on = _residuals_on(about(fit.before, fit.entries))
+                on_all, on_some = growth(every), growth(some)
+                fit = on_all.fitted(fit)
+            yield fit
+
+    def started(self, fit: FittedModes) -> list[Unknown]:
+        """Return the unknowns of the fitted modes, which start there."""
+        modes, chosen = _in_order(fit.modes, fit.bounds, self._bounds_of_modes)
+        numbers = dict(zip((f"{self.name}.{quantity}" for quantity in RESIDUALS), fit.residuals.tolist(), strict=True))
         sides: dict[str, tuple[float, float]] = {}
         for index, (row, pairs) in enumerate(zip(modes.tolist(), chosen.tolist(), strict=True)):
             for quantity, value, (low, high) in zip(QUANTITIES, row, pairs, strict=True):
@@ -278,23 +381,38 @@ class _Modes:
         unknowns = []
         for address, unknown in self.unknowns.items():
             low, high = sides.get(address, (unknown.lower, unknown.upper))
-            if low < high:
+            if address in numbers and low < high:
                 unknowns.append(
                     replace(unknown, lower=low, upper=high, start=float(np.clip(numbers[address], low, high)))
                 )
         return unknowns
 
+    @cached_property
+    def _described(self) -> NDArray[np.float64]:
+        """Numbers of each mode as described, `(m, 6)`."""
+        return np.array([[getattr(mode, quantity) for quantity in QUANTITIES] for mode in self.part.modes])
+
+    @cached_property
+    def _bounds_of_modes(self) -> NDArray[np.float64]:
+        """Bounds of these numbers, `(m, 6, 2)`; equal where a number is no unknown."""
+        pairs = [
+            self._bounds(f"mode[{index}].{quantity}", value)
+            for index, row in enumerate(self._described.tolist())
+            for quantity, value in zip(QUANTITIES, row, strict=True)
+        ]
+        return np.array(pairs).reshape(*self._described.shape, 2)
+
     def _bounds(self, quantity: str, value: float) -> tuple[float, float]:
         unknown = self.unknowns.get(f"{self.name}.{quantity}")
         return (value, value) if unknown is None else (unknown.lower, unknown.upper)
 
-    def _above(self, bounds: NDArray[np.float64], described: NDArray[np.float64], last: float) -> NDArray[np.float64]:
+    def _above(self, bounds: NDArray[np.float64], last: float) -> NDArray[np.float64]:
         """Return the bounds of each mode where it is above the lines."""
         above = bounds.copy()
         for index in range(len(bounds)):
             if np.all(bounds[index, :, 0] < bounds[index, :, 1]) and bounds[index, 0, 1] > _ABOVE * last:
                 above[index, 0, 0] = max(_ABOVE * last, bounds[index, 0, 0])
-                above[index, _KEPT] = described[index, _KEPT, None]
+                above[index, _KEPT] = self._described[index, _KEPT, None]
         return above
 
 

@@ -72,6 +72,12 @@ class Discrepancy:
         damping = None if self.damping is None else factor * self.damping
         return Discrepancy(min(factor * self.frequency, largest), level, damping)
 
+    def at_least(self, other: Discrepancy) -> Discrepancy:
+        """Return a discrepancy whose standard deviations are no smaller than those of another one."""
+        names = ("frequency", "relative", "damping")
+        pairs = ((getattr(self, name), getattr(other, name)) for name in names)
+        return Discrepancy(*(own if least is None else max(own or 0.0, least) for own, least in pairs))
+
     def deviance(self, chi_square: ArrayLike, values: float) -> NDArray[np.float64]:
         """Return minus twice the logarithm of the likelihood of fits that allow for it, for its most likely size.
 

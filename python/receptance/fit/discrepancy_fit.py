@@ -27,16 +27,21 @@ from receptance.errors import ReceptanceError
 from receptance.fit.adequacy import MISFIT_LIMIT, strain_of
 from receptance.fit.discrepancy import DISCREPANCIES, Discrepancy, curve_of
 from receptance.fit.observation import Observation
-from receptance.fit.problem import End, Task
+from receptance.fit.problem import COST_SETTLED, UNFINISHED, End, Problem, Task
 
 FREQUENCY, LEVEL, DAMPING, REMAINDER = range(4)
 """Kinds of errors: of natural frequencies, of the level of a mode, of damping ratios, and of each line."""
 SAME_MODE = 0.06
 """Relative difference of two peak frequencies up to which they are the same mode."""
-_EVALUATIONS = 100
-"""Most evaluations of a fit."""
+_EVALUATIONS = 20
+_BLOCKS = 10
+"""Evaluations of a block of a fit, and most blocks."""
 _CONVERGED = 1e-3
-"""Predicted decrease of chi-square by the next step below which a fit has converged."""
+"""Predicted decrease of the cost by the next step below which a fit has converged."""
+_SETTLED, _SETTLED_SHARE = 0.25, 1e-3
+"""Decrease of the cost by a block below which a fit has converged: half of that by one standard error, or a share of
+the cost. Modes above the lines have long curved valleys, in which the region of a step stays small and the cost falls
+by little for hundreds of evaluations."""
 _ROUNDS = 6
 """Most repetitions of the estimate and of the fit."""
 _STEPS = 60
@@ -109,7 +114,7 @@ def sufficient(task: Task, found: DiscrepancyFit) -> DiscrepancyFit:
 
     Errors of tolerances can absorb an error of the model, so that no line shows it, and the estimate is that of the
     noise. The model with nominal dimensions and materials shows it: the discrepancy is a multiple of that of this
-    model, and the smallest one is found by halvings of the logarithm of the factor.
+    model, and the smallest one is found by halvings of the logarithm of the factor. None is smaller than the estimate.
 
     Parameters
     ----------
@@ -122,19 +127,20 @@ def sufficient(task: Task, found: DiscrepancyFit) -> DiscrepancyFit:
         return found
     is_error = np.array([unknown.name in task.parameters.errors for unknown in task.variables.unknowns])
     nominal = np.where(is_error, 0.0, found.end.x)
-    end = task.problem().fit_one(nominal, _EVALUATIONS, free=~is_error, least=_CONVERGED)
+    end = settled_fit(task.problem(), nominal, free=~is_error, least=_CONVERGED)
     residual = task.problem().residual(end.x)
     if not np.isfinite(residual).all():
         return found
     unit, _, _ = _most_likely(task, task.selected, residual, found.discrepancy.frequency)
     low, high = min(math.log(found.discrepancy.largest / unit.largest), -math.log(2.0)), 0.0
-    best = _with(task, unit, end.x, found)
+    least = found.discrepancy
+    best = _with(task, unit.at_least(least), end.x, found)
     while not _is_explained(best) and best.discrepancy.largest < DISCREPANCIES[1]:
         low, high = high, high + math.log(2.0)
-        best = _with(task, unit.times(math.exp(high)), best.end.x, found)
+        best = _with(task, unit.times(math.exp(high)).at_least(least), best.end.x, found)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        tried = _with(task, unit.times(math.exp(middle)), best.end.x, found)
+        tried = _with(task, unit.times(math.exp(middle)).at_least(least), best.end.x, found)
         if _is_explained(tried):
             best, high = tried, middle
         else:
@@ -156,6 +162,24 @@ def expected_chi_square(task: Task) -> float:
     return max(task.independent_values - free, 1.0)
 
 
+def settled_fit(problem: Problem, start: NDArray[np.float64], **settings: Any) -> End:
+    """Return the end of a fit that has converged as well where a block of evaluations hardly lowers the cost.
+
+    `settings` are those of `Problem.fit`.
+    """
+    end = problem.fit_one(start, _EVALUATIONS, **settings)
+    evaluations = end.evaluations
+    for _ in range(_BLOCKS - 1):
+        if end.status != UNFINISHED:
+            break
+        before = end.cost
+        end = problem.fit_one(end.x, _EVALUATIONS, **settings)
+        evaluations += end.evaluations
+        if end.status == UNFINISHED and before - end.cost < max(_SETTLED, _SETTLED_SHARE * before):
+            end = end._replace(status=COST_SETTLED)
+    return end._replace(evaluations=evaluations)
+
+
 def _with(task: Task, discrepancy: Discrepancy, start: NDArray[np.float64], found: DiscrepancyFit) -> DiscrepancyFit:
     allowed = task.allow(discrepancy)
     return replace(found, task=allowed, end=_refit(allowed, start))
@@ -163,7 +187,7 @@ def _with(task: Task, discrepancy: Discrepancy, start: NDArray[np.float64], foun
 
 def _refit(task: Task, start: NDArray[np.float64]) -> End:
     problem = task.problem()
-    end = problem.fit_one(start, _EVALUATIONS, least=_CONVERGED)
+    end = settled_fit(problem, start, least=_CONVERGED)
     if not np.isfinite(end.cost):
         raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {problem.reason(end.x)}")
     return end

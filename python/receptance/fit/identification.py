@@ -17,7 +17,7 @@ from receptance.errors import ReceptanceError, warn_user
 from receptance.fit.adequacy import Adequacy, adequacy_of, misfit_limit, strain_of
 from receptance.fit.covariance import covariance_of, variance_factor
 from receptance.fit.discrepancy import Discrepancy
-from receptance.fit.discrepancy_fit import DiscrepancyFit, expected_chi_square, fit_discrepancy, sufficient
+from receptance.fit.discrepancy_fit import DiscrepancyFit, expected_chi_square, fit_discrepancy, settled_fit, sufficient
 from receptance.fit.observation import Observation, Unit, as_observations
 from receptance.fit.parameters import Parameters
 from receptance.fit.peaks import check_bands
@@ -59,8 +59,8 @@ _SMALL_PROBABILITY = 1e-3
 """Standard deviations are reported as too large below this probability of so small a chi-square."""
 _RESTARTS = 2
 """Largest number of restarts from the end of a fit that allows for a discrepancy."""
-_BETTER = 0.01
-"""Decrease of the cost from which on an end is another optimum."""
+_AS_GOOD = 1e-3
+"""Relative difference of the cost up to which two ends fit as well as each other."""
 _OVERFIT = 0.5
 """Residuals are reported as too small below this rms, in standard deviations."""
 
@@ -219,10 +219,10 @@ def identify(
         notes += more
         task = replace(task, observed=observed)
         result = fit(task, task.problem())
-    return result if noise == "stated" else _judged(result, max_evaluations, tolerance)
+    return result if noise == "stated" else _judged(result, tolerance)
 
 
-def _judged(fit: Identification, most: int, tolerance: float) -> Identification:
+def _judged(fit: Identification, tolerance: float) -> Identification:
     """Return a fit with an adequate model, or the fit repeated with the discrepancy of its model.
 
     Fits that allow for a discrepancy have fewer local minima: the fit without it is tried again from their end.
@@ -236,8 +236,8 @@ def _judged(fit: Identification, most: int, tolerance: float) -> Identification:
         except ReceptanceError:
             return fit
         problem = fit.task.problem()
-        end = problem.fit_one(widened.end.x, most, tolerance=tolerance)
-        if not end.cost < min(run.cost for run in fit.starts) - _BETTER:
+        end = settled_fit(problem, widened.end.x, tolerance=tolerance)
+        if not end.cost < (1.0 - _AS_GOOD) * min(run.cost for run in fit.starts):
             break
         runs = [*fit.starts, _start_of(problem, fit, end)]
         fit = conclude(fit.task, problem, runs, loss=None, seed=fit.seed, notes=list(fit.notes))
@@ -424,7 +424,7 @@ def _count_optima(
     low, high = variables.limits
     # Along a flat valley ends differ by a small part of the standard errors.
     tolerance = np.maximum(_AT_BOUND * (high - low), np.where(np.isfinite(deviation), _SAME * deviation, 0.0))
-    good = best.cost * (1.0 + 1e-3) + 1e-12 * size
+    good = best.cost * (1.0 + _AS_GOOD) + 1e-12 * size
     as_good = [run for run in runs if run.cost <= good]
     same = [run for run in as_good if np.all(np.abs(run.variables - best.variables) <= tolerance)]
     return len(same), len(as_good) - len(same)

@@ -509,7 +509,7 @@ class PredictedAssembly:
         is drawn from a normal distribution of these has another sum. So errors of such an assembly are of first order
         in the logarithm of the receptance.
         """
-        if count and self._has_uncertain_modes:
+        if count and self.has_uncertain_modes:
             drawn = self._drawn_to_first_order(linear, count, seed)
         else:
             drawn = self.draw(receptance, count, seed) if count else []
@@ -522,7 +522,7 @@ class PredictedAssembly:
         return [None if h is None else h + error for h, error in zip(drawn, errors, strict=True)]
 
     @property
-    def _has_uncertain_modes(self) -> bool:
+    def has_uncertain_modes(self) -> bool:
         """Whether numbers of modes that end the assembly are uncertain."""
         last = next(reversed(self.assembly.elements))
         return any(address.startswith(f"{last}.mode[") for address in self.addresses)

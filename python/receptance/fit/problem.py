@@ -39,11 +39,13 @@ _LEAST_SQUARE = 1e-8
 """Smallest ratio of two squared singular values that a normal matrix of columns of unit length tells to six digits."""
 _LEAST_DAMPING = 1e-4
 """Damping ratios below this are compared relative to it, where they have no standard deviation."""
+UNFINISHED, COST_SETTLED = 0, 2
+"""Status of a fit whose evaluations were used up, and of one whose cost changes no more."""
 _STATUS = {
     -1: "the model has no value there",
-    0: "the evaluations were used up",
+    UNFINISHED: "the evaluations were used up",
     1: "no slope is left",
-    2: "the cost changes no more",
+    COST_SETTLED: "the cost changes no more",
     3: "the variables change no more",
 }
 """Why a fit ended, by its status in the core."""

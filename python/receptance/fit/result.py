@@ -97,6 +97,8 @@ class Identification(Result):
     """Profile likelihoods, if they were computed together with the fit."""
     series: Results[Any] | None = None
     """Parameters over the levels of a series by name, if the campaign has one."""
+    stabilised: Results[Any] | None = None
+    """Modes of unknown spindles by their number, and how it was chosen, by name; None without unknown modes."""
     groups: Mapping[str, str] = field(default_factory=dict, repr=False)
     """Group of a measurement by label; the measurements of a group share a row in the table of residuals."""
     provenance: Provenance = field(default_factory=Provenance, repr=False)
@@ -287,8 +289,10 @@ class Identification(Result):
         return any(end is not None for end in self.ends(address))
 
     def tables(self) -> list[Table]:
-        """Return parameters, profile intervals, errors of tolerances and residuals."""
+        """Return parameters, profile intervals, errors of tolerances, residuals and chosen numbers of modes."""
         tables = [self._parameter_table(), self._error_table(), *self._residual_tables()]
+        if self.stabilised is not None:
+            tables += self.stabilised.tables()
         if self.profiled is not None:
             tables[1:1] = self.profiled.tables()
         if self.series is not None:
@@ -297,7 +301,8 @@ class Identification(Result):
 
     def sentences(self) -> list[str]:
         """Return convergence and correlated parameters."""
-        return [f"{self._headline()}.", *self._correlations(), *(self.series.sentences() if self.series else ())]
+        others = (each.sentences() for each in (self.stabilised, self.series) if each)
+        return [f"{self._headline()}.", *self._correlations(), *(text for texts in others for text in texts)]
 
     def warnings(self) -> list[str]:
         """Return the advice beside the rejection."""
@@ -327,6 +332,7 @@ class Identification(Result):
             if self.profiled is None
             else {name: profile.data() for name, profile in self.profiled.items()},
             **({} if self.series is None else {"series": self.series.data()}),
+            **({} if self.stabilised is None else {"number_of_modes": self.stabilised.data()}),
             "correlation": {"parameters": self.addresses, "matrix": self.correlation},
             "covariance_of_fitted_variables": self.covariance,
             "scales": {unknown.address: unknown.scale for unknown in self.unknowns},

@@ -186,6 +186,8 @@ _Cut = TypeVar("_Cut", Milling, Turning, Milling | Turning)
 _Tip = TypeVar("_Tip")
 
 _FEWEST_DRAWS = 20
+_ERROR_ABOVE = 0.3
+"""Standard deviation of the logarithm of a depth that modes above the lines limit: nothing was measured of them."""
 _WIDEST = 10.0
 """Ratio of the ends of a band from which its lower end is no recommendation."""
 _LEVEL = 0.95
@@ -575,6 +577,38 @@ def without_limits(cut: Milling | Turning, speeds_rpm: NDArray[np.float64], reje
     """Return lobes whose limits are unknown, NaN, with the reasons."""
     unknown = np.full(speeds_rpm.size, np.nan)
     return Lobes(speeds_rpm=speeds_rpm, depth=unknown, chatter_hz=unknown, cut=cut, rejection=rejection)
+
+
+def limited_above(lobes: Lobes, depth: float, chatter_hz: float, highest_hz: float, seed: int) -> Lobes:
+    """Return lobes with the limit of a mode above the lines, which is the same at every speed.
+
+    Parameters
+    ----------
+    lobes : Lobes
+        Limits by the modes on the lines.
+    depth, chatter_hz : float
+        Least depth in m at which the mode chatters, and its frequency.
+    highest_hz : float
+        The highest line.
+    seed : int
+        Seed of the errors of this depth in the draws. The speeds of its lobes are not known well enough to use them.
+    """
+    is_lower = lobes.depth > depth
+    if lobes.rejection.unusable or (not is_lower.any() and lobes.draws is None):
+        return lobes
+    found = replace(
+        lobes, depth=np.minimum(lobes.depth, depth), chatter_hz=np.where(is_lower, chatter_hz, lobes.chatter_hz)
+    )
+    if lobes.draws is not None:
+        errors = np.random.default_rng([seed, 3]).standard_normal(len(lobes.draws))
+        found = with_draws(found, np.minimum(lobes.draws, depth * np.exp(_ERROR_ABOVE * errors)[:, None]))
+    if not is_lower.any():
+        return found
+    text = (
+        f"above the lines, which end at {highest_hz:.0f} Hz, the model chatters from {1e3 * depth:.2g} mm "
+        f"({chatter_hz:.0f} Hz): no larger depth is stated; measure up to {1.2 * chatter_hz:.0f} Hz to use deeper lobes"
+    )
+    return replace(found, notes=(*found.notes, text))
 
 
 def with_rejection(lobes: Lobes, rejection: Rejection) -> Lobes:

@@ -40,7 +40,7 @@ def write(
     machine: Machine,
     folder: Path,
     *,
-    modes: int,
+    modes: int | str,
     starts: Starts | None = None,
     settings: Mapping[str, object] | None = None,
     name: str = "campaign.toml",
@@ -53,8 +53,8 @@ def write(
         The machine.
     folder : Path
         An existing folder.
-    modes : int
-        Number of unknown modes of the spindle.
+    modes : int or str
+        Number of unknown modes of the spindle, or "auto".
     starts : mapping, optional
         Bounds and starts of unknowns; by default the joint has bounds, and the program chooses the rest.
     settings : mapping, optional
@@ -141,9 +141,9 @@ def _place(place: Place) -> str:
     return f'{{ part = "{place[0]}", position = {_mm(place[1])} }}'
 
 
-def _measurements(machine: Machine, modes: int) -> list[str]:
+def _measurements(machine: Machine, modes: int | str) -> list[str]:
     """Return joint, spindle, sensor, assemblies and measurements."""
-    text = ["[joints.joint]", "[modal_parts.spindle]", "identify = true", f"modes = {modes}"]
+    text = ["[joints.joint]", "[modal_parts.spindle]", "identify = true", f"modes = {_toml(modes)}"]
     text += ["[sensors.light]", f'mass = "{1e3 * machine.numbers["sensor.mass"]:g} g"']
     flutes = machine.numbers.get("flute.length", 0.0)
     shank = 1 if flutes else 0
