@@ -26,7 +26,7 @@ from receptance.frf.plausibility import low_frequency_rise
 from receptance.modal import ModeEstimate
 from receptance.model.assembly import Assembly
 from receptance.model.modes import damped_modes
-from receptance.model.terminals import MeasuredPart, Terminal
+from receptance.model.terminals import MeasuredPart, ModalPart, Terminal
 from receptance.report import ACCEPTED, Rejection
 from receptance.stability import (
     Lobes,
@@ -109,7 +109,7 @@ class Tips:
         if not self._has_modes:
             return None
         lines = np.geomspace(self.lines[-1], _ABOVE * self.lines[-1], _LINES_ABOVE)
-        several = [one.assembly.receptance(lines, threads=self._threads) for one in self._predicted]
+        several = [_beyond_band(one.assembly).receptance(lines, threads=self._threads) for one in self._predicted]
         depth = critical_depths(cut, lines, self._matrix(several))[0].min(axis=1)
         at = int(np.argmin(depth))
         return float(depth[at]), float(lines[at])
@@ -274,6 +274,14 @@ def _predicted_tip(
 
 def _end_of(assembly: Assembly) -> Any:
     return next(reversed(assembly.elements.values()))
+
+
+def _beyond_band(assembly: Assembly) -> Assembly:
+    """Return an assembly whose modes at its end have values on all lines: those above represent what is there."""
+    *chain, end = assembly.elements.values()
+    if not isinstance(end, ModalPart) or end.band_hz is None:
+        return assembly
+    return Assembly([*chain, replace(end, band_hz=None)], assembly.attachments.values(), motion=assembly.motion)
 
 
 class _MeasuredTip:

@@ -133,8 +133,8 @@ def fit_spindle(
     all parameters. Its start is that of a spindle that was never measured alone (`receptance.coupling.unknown_modes`):
     modes are added one at a time.
 
-    Without a number of modes the evidence of the responses chooses it (`receptance.coupling.stabilisation`). Modes above
-    the band represent those there.
+    Without a number of modes the evidence of the responses chooses it (`receptance.coupling.stabilisation`). Modes
+    above the band represent those there.
 
     Parameters
     ----------
@@ -313,8 +313,8 @@ def _discrepancy(observed: Sequence[Observation], part: ModalPart) -> float:
     are 0.25 apart in the logarithm of frequency, and linear between them. Let J and K be the derivatives of the
     residuals r with respect to the parameters of the modes and to these errors, and P the projector on the complement
     of J. Then K^T P r is normal with the covariance W + s^2 W^2, W = K^T P K. In the eigenvectors of W this restricted
-    likelihood is a product. The result is a quantile of s, each s being as likely before. Its most likely value is often
-    zero where an error as large as that of the modes' numbers would not show.
+    likelihood is a product. The result is a quantile of s, each s being as likely before. Its most likely value is
+    often zero where an error as large as that of the modes' numbers would not show.
     """
     addresses = [f"{part.name}.{quantity}" for quantity in part.addresses]
     low = float(np.log(min(observation.frequency_hz[0].real for observation in observed)))
