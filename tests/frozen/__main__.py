@@ -6,10 +6,10 @@ any does. ``--only TEXT`` selects cases whose name contains the text, ``--jobs N
 difference is accepted by recording that case again; say why in the changelog.
 
 A case is one command on one packaged example, of `gauge` after `spindle`, one study, the accuracy report with a fixed
-seed, or one block of cases of the blind laboratory. Numbers are written with six digits. Two numbers agree if they differ by less than `RELATIVE`
-of the larger one, or by less than `ABSOLUTE`. Long lists of numbers, and the real and imaginary parts of complex
-ones, are recorded as their length, range, mean and root mean square. Times, versions and texts that only people read
-are left out.
+seed, or one block of cases of the blind laboratory. Numbers are written with six digits. Two numbers agree if they
+differ by less than `RELATIVE` of the larger one, or by less than `ABSOLUTE`. Long lists of numbers, and the real and
+imaginary parts of complex ones, are recorded as their length, range, mean and root mean square. Times, versions and
+texts that only people read are left out.
 """
 
 from __future__ import annotations
