@@ -26,7 +26,7 @@ from receptance.frf.plausibility import low_frequency_rise
 from receptance.modal import ModeEstimate
 from receptance.model.assembly import Assembly
 from receptance.model.modes import damped_modes
-from receptance.model.terminals import RESIDUALS, MeasuredPart, Terminal
+from receptance.model.terminals import RESIDUALS, MeasuredPart, ModalPart, Terminal
 from receptance.report import ACCEPTED, Rejection
 from receptance.stability import (
     Lobes,
@@ -111,7 +111,7 @@ class Tips:
         if not self._has_modes:
             return None
         lines = np.geomspace(self.lines[-1], _ABOVE * self.lines[-1], _LINES_ABOVE)
-        fitted = [one.assembly for one in self._predicted]
+        fitted = [_beyond_band(one.assembly) for one in self._predicted]
         found = []
         for assemblies in (fitted, [_static_above(one, float(self.lines[-1])) for one in fitted]):
             several = [one.receptance(lines, threads=self._threads) for one in assemblies]
@@ -293,6 +293,14 @@ def _static_above(assembly: Assembly, highest_hz: float) -> Assembly:
 
 def _end_of(assembly: Assembly) -> Any:
     return next(reversed(assembly.elements.values()))
+
+
+def _beyond_band(assembly: Assembly) -> Assembly:
+    """Return an assembly whose modes at its end have values on all lines: those above represent what is there."""
+    *chain, end = assembly.elements.values()
+    if not isinstance(end, ModalPart) or end.band_hz is None:
+        return assembly
+    return Assembly([*chain, replace(end, band_hz=None)], assembly.attachments.values(), motion=assembly.motion)
 
 
 class _MeasuredTip:
