@@ -138,7 +138,7 @@ def study_machine(machine: Machine, hits: int, seed: int) -> dict[str, Any]:
     """Identify the spindle of a machine and predict its tools."""
     observed = machine.measure(hits, seed, BAND_HZ[1])
     found = identify_spindle(observed)
-    modes = fit_spindle(observed, found)
+    modes = fit_spindle(observed)
     wide = identify_spindle(machine.measure(hits, seed, REACH_HZ), allow_mismatch=True)
     lines = np.asarray(found.frequency_hz).real
     true = machine.matrix(lines)

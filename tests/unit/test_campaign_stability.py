@@ -343,6 +343,21 @@ def test_lines_that_do_not_contain_the_mode_give_no_limit(
     assert words in found.to_html()
 
 
+def test_no_limit_of_any_cut_is_a_negative_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_tip(tmp_path)
+    lines = np.arange(1200.0, 1501.0, 2.0)
+    write("flank.csv", FRF(frequency_hz=lines, values=TIP.receptance(lines)[:, 0, 0]))
+    Path("c.toml").write_text(MEASURED.replace("tip.csv", "flank.csv"))
+    assert call("stability", "c.toml", "--json", "s.json") == 3
+    assert "no limit is known" in capsys.readouterr().out
+    assert json.loads(Path("s.json").read_text())["cuts"][0]["always_stable"] is None
+    # With a limit of another cut there is an answer.
+    cut = MEASURED[MEASURED.index("[cuts.slot]") :]
+    Path("c.toml").write_text(MEASURED + cut.replace("[cuts.slot]", "[cuts.flank]").replace("tip.csv", "flank.csv"))
+    assert call("stability", "c.toml") == 0
+
+
 def two_directions(folder: Path) -> str:
     """Write tips that differ in x and y, and return a campaign with them."""
     write_tip(folder)

@@ -126,10 +126,13 @@ def test_bands_have_all_lines_and_say_why() -> None:
     assert sum(band.usable for band in bands) == found.usable.sum()
     assert all(one.high_hz < other.low_hz for one, other in pairwise(bands))
     poor = [band for band in bands if band.usable < 0.5 * band.lines]
-    assert len(poor) == 1
-    assert poor[0].reason == "theta/M"
-    assert poor[0].deviation > found.limit
-    assert poor[0].condition > 3.0 * max(band.condition for band in bands if band is not poor[0])
+    worst = max(poor, key=lambda band: band.condition)
+    assert worst.reason == "theta/M"
+    assert worst.deviation > found.limit
+    good = [band for band in bands if band not in poor]
+    assert worst.condition > 3.0 * max(band.condition for band in good)
+    # In the others the standard deviation would be small enough, if it were valid.
+    assert all(band.reason == "noise" and band.deviation < found.limit for band in poor if band is not worst)
 
 
 def test_tolerances_of_a_blank_are_propagated() -> None:
@@ -226,7 +229,9 @@ def test_spindle_by_differences_has_their_truncation_error() -> None:
     by_differences = identify_spindle(rotations(observed), limit=0.5, allow_mismatch=True)
     directly = identify_spindle(observed)
     assert relative_error(directly.matrix, directly.usable) < 1e-3
-    assert relative_error(by_differences.matrix, by_differences.usable) > 0.02
+    assert relative_error(by_differences.matrix, directly.usable) > 0.02
+    # An error of this size has no standard deviation of first order.
+    assert by_differences.usable.mean() < 0.1
 
 
 @pytest.mark.slow
@@ -234,7 +239,7 @@ def test_modes_are_fitted_to_the_responses() -> None:
     rng = np.random.default_rng(5)
     observed = at_two_places(make_blank(), 0.07, sd=0.01, rng=rng, lines=LINES[::2])
     found = identify_spindle(observed)
-    fit = fit_spindle(observed, found)
+    fit = fit_spindle(observed)
     assert fit.identification.rms < 1.2
     np.testing.assert_allclose([m.frequency_hz for m in fit.part.modes][:3], [1066.8, 1275.7, 2404.6], rtol=0.01)
     true = seen_at_the_plane(make_spindle(), LINES[::2])

@@ -65,7 +65,7 @@ def test_the_variance_covers(summarise: Callable[[str, str, object], None]) -> N
     usable = count / (DRAWS * EVERY_SECOND.size)
     text = f"seed {SEED}, {count} lines, {100.0 * usable:.1f} % usable: " + "; ".join(ranges)
     summarise("coverage of a spindle's 95 % intervals under 1 % noise", text, shares)
-    assert usable > 0.9
+    assert usable > 0.85
 
 
 SHAFT = [(0.06, 0.085, 0.03), (0.24, 0.07, 0.03), (0.05, 0.07, 0.03)]
@@ -124,6 +124,87 @@ def test_tips_of_several_lengths_cover(
     assert usable > 0.2 * runs * lines.size
 
 
+def random_shaft(rng: np.random.Generator) -> tuple[list[tuple[float, float, float]], list[tuple[float, float]]]:
+    """Return pieces of a random shaft, and stiffness and damping of the bearings after its first two."""
+    pieces = [(0.06, rng.uniform(0.07, 0.1), 0.03), (rng.uniform(0.18, 0.32), rng.uniform(0.06, 0.08), 0.03)]
+    bearings = [(10.0 ** rng.uniform(7.7, 8.7), 10.0 ** rng.uniform(3.0, 3.8)) for _ in range(2)]
+    return [*pieces, (0.05, 0.07, 0.03)], bearings
+
+
+def in_random_shaft(
+    blanks: list[list[float]], seed: int, lines: NDArray[np.float64]
+) -> tuple[list[NDArray[np.complex128]], NDArray[np.complex128]]:
+    """Return responses `(n, k, k)` at the starts of the pieces of blanks of 50 mm, and the shaft's own at its nose."""
+    shaft, bearings = random_shaft(np.random.default_rng(seed))
+    found = []
+    for pieces in blanks:
+        at = [(len(pieces) + 1 + i, *bearing) for i, bearing in enumerate(bearings)]
+        chain = [*((piece, 0.05, 0.0) for piece in pieces), *shaft]
+        ends = [2 * i for i in range(len(pieces))]
+        found.append(finite_elements.receptance(chain, at, lines, ends, each=0.005))
+    at = [(1 + i, *bearing) for i, bearing in enumerate(bearings)]
+    return found, finite_elements.receptance(shaft, at, lines, [0, 1], each=0.005)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", ["tips of three lengths", "two places", "three places"])
+def test_intervals_cover_where_noise_is_large(way: str, summarise: Callable[[str, str, object], None]) -> None:
+    """Random shafts of finite elements, noise of 0.3 to 5 %: what cannot be stated to first order is not usable.
+
+    Without the test of first order 73 % of the intervals hold the truth for tips of three lengths with noise of 2 %,
+    and 71 % for two places with noise of 5 %.
+    """
+    lines = LINES[::4]
+    steel = Material(name="steel", youngs_modulus=210e9, density=7850.0, poisson_ratio=0.3)
+    deviations = (0.003, 0.01, 0.02) if way.startswith("tips") else (0.01, 0.02, 0.05)
+    shares, texts = {}, []
+    for sd in deviations:
+        inside = total = far = usable = 0
+        for seed in range(SEED, SEED + 24):
+            rng = np.random.default_rng([seed, 1])
+            if way.startswith("tips"):
+                lengths = np.sort(rng.choice([0.05, 0.08, 0.1, 0.12, 0.15, 0.17, 0.2], 3, replace=False))
+                blanks = [[float(length)] for length in lengths]
+            else:
+                length = float(rng.choice([0.1, 0.15, 0.2, 0.3]))
+                shares_of = (0.7, 0.3) if way == "two places" else (0.4, 0.3, 0.3)
+                blanks = [[share * length for share in shares_of]]
+            responses, true = in_random_shaft(blanks, seed, lines)
+            observed = []
+            for pieces, h in zip(blanks, responses, strict=True):
+                blank = Part([Segment(length=sum(pieces), outer_diameter=0.05, material=steel)], name="blank")
+                places = np.concatenate([[0.0], np.cumsum(pieces[:-1])]).tolist()
+                for i, response in enumerate(places):
+                    for j, excitation in enumerate(places[: i + 1]):
+                        noise = sd * (rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size))
+                        observed.append(
+                            Observation(
+                                assembly=Assembly([blank]),
+                                frequency_hz=lines,
+                                receptance=h[:, i, j] * np.exp(noise),
+                                standard_deviation=sd,
+                                response=Coordinate("blank", response),
+                                excitation=Coordinate("blank", excitation),
+                                label=f"{sum(pieces):g} m, {response:g} from {excitation:g}",
+                            )
+                        )
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                found = identify_spindle(observed, allow_mismatch=True)
+            for place in TERMS.values():
+                z = ((found.matrix - true)[:, *place] / found.standard_deviation[:, *place])[found.usable]
+                inside += int(np.sum(np.abs(z.real) < 1.96) + np.sum(np.abs(z.imag) < 1.96))
+                far += int(np.sum(np.abs(z) > 6.0))
+                total += 2 * z.size
+            usable += int(found.usable.sum())
+        shares[f"{100.0 * sd:g} %"] = inside / total
+        texts.append(f"noise {100.0 * sd:g} %: {100.0 * inside / total:.1f} % of {total}, {usable} lines usable")
+        assert total > 200, texts[-1]
+        assert 0.93 < inside / total < 0.97, texts[-1]
+        assert far <= 0.005 * total, texts[-1]
+    summarise(f"a spindle from {way}, random shafts, seed {SEED}", "; ".join(texts), shares)
+
+
 def in_modal_spindle(blank: Assembly) -> Assembly:
     """A spindle that a fit of modes can represent exactly."""
     first = Mode(frequency_hz=1066.0, damping_ratio=0.03, y=0.22, theta=1.1, y_imaginary=0.01, theta_imaginary=0.1)
@@ -165,7 +246,7 @@ def test_bands_of_a_spindle_as_modes_cover(
             )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            fit = fit_spindle(observed, identify_spindle(observed))
+            fit = fit_spindle(observed)
         for bar in (make_blank(0.15, 0.03), make_blank(0.06, 0.05), make_blank(0.2, 0.05)):
             own = Assembly([*bar.elements.values(), fit.part])
             error = np.log(np.abs(own.receptance(asked) / machine(bar).receptance(asked)))

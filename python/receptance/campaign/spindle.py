@@ -19,6 +19,7 @@ from receptance.coupling.spindle_files import TABLE
 from receptance.coupling.spindle_modes import POOR
 from receptance.errors import ReceptanceWarning
 from receptance.fit import Observation, Tolerance
+from receptance.fit.observation import altered
 from receptance.fit.parameters import Site
 from receptance.fit.prediction import DECIBEL
 from receptance.fit.predictor import Predictor
@@ -41,11 +42,13 @@ _REASONS = {
     "theta/M": "theta/M is not determined",
     "y/M": "y/M is not determined",
     "two solutions": "two spindles fit",
-    "near others": "the lines around are not usable",
+    "noise": "too much noise for an interval",
     "not determined": "no solution",
 }
 _FEW = 0.8
 """Share of usable lines below which there is advice."""
+_HITS = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+"""Numbers of hits, relative to those that were made, that are tried."""
 _OFF = 2.0
 """Root mean square of a held-out record, in standard deviations, from which on it contradicts the spindle."""
 
@@ -75,6 +78,8 @@ class SpindleIdentification(Result):
     """Its modes, if they were asked for."""
     bands: tuple[LineBand, ...]
     """Usable and other lines, in bands."""
+    hits_for_half: int | None
+    """Times the hits with which half of the other lines become usable; None if they are few, or more do not help."""
     not_common: tuple[tuple[str, int, float, float], ...]
     """Records with lines that others do not have: name, number of these lines, lowest and highest line."""
     checked: tuple[CheckedRecord, ...]
@@ -177,7 +182,7 @@ class SpindleIdentification(Result):
         """Return what limits the result, and what to do."""
         found = []
         share = float(np.mean(self.table.usable))
-        if share < _FEW:
+        if share < _FEW and self.modes is None:
             found.append(self._limit_of_noise(share))
         off = [record for record in self.checked if record.deviations > _OFF]
         if off:
@@ -196,23 +201,20 @@ class SpindleIdentification(Result):
     def _limit_of_noise(self, share: float) -> str:
         poor = [band for band in self.bands if band.usable < band.lines]
         worst = max(poor, key=lambda band: band.lines - band.usable)
-        ratio = worst.deviation / self.table.limit
         text = (
             f"{percent(share)} of the lines are usable. From {worst.low_hz:g} to {worst.high_hz:g} Hz "
-            f"{worst.lines - worst.usable} lines are not: {_REASONS[worst.reason]}"
+            f"{worst.lines - worst.usable} lines are not: {_REASONS[worst.reason]}, where relative errors are "
+            f"amplified {worst.condition:.3g} times. Modes use all lines and are known where single lines are not: "
+            "`--modes auto`"
         )
-        if np.isfinite(ratio) and ratio > 1.0:
-            text += (
-                f", known to {percent(worst.deviation)}, where relative errors are amplified {worst.condition:.3g} "
-                f"times. Half of these lines need {ratio:.1f} times less noise, {int(np.ceil(ratio**2))} times the hits"
-            )
-        far = "; places farther apart on a longer blank amplify less" if worst.reason in ("theta/M", "y/M") else ""
-        fit = "" if self.modes is not None else "; modes use all lines, `--modes auto`"
-        return f"{text}{far}{fit}"
+        if self.hits_for_half is None:
+            return text
+        return f"{text}. With {self.hits_for_half} times the hits half of the other lines become usable"
 
     def data(self) -> dict[str, Any]:
         """Return the table, the bands, the modes with their covariance, and held-out records."""
         values: dict[str, Any] = {"spindle": self.name, "table": self.table.data(), "bands": self.bands}
+        values["hits_for_half"] = self.hits_for_half
         if self.modes is not None:
             part = self.modes.part
             residuals = [getattr(part, key) for key in RESIDUALS]
@@ -262,7 +264,7 @@ def spindle_of_campaign(
         if as_modes:
             campaign.progress(f"fitting modes of {title}")
             fitted = fit_spindle(
-                list(used.values()), receptances, modes=modes, name=title, tolerances=errors, threads=campaign.threads
+                list(used.values()), modes=modes, name=title, tolerances=errors, threads=campaign.threads
             )
         checked = tuple(_check(campaign, m, record, receptances, fitted) for m, record in held_out.items())
     own = [
@@ -275,11 +277,35 @@ def spindle_of_campaign(
         table=receptances,
         modes=fitted,
         bands=tuple(bands_of(receptances)),
+        hits_for_half=_hits_for_half(campaign, list(used.values()), receptances, errors),
         not_common=tuple(_not_common(used, receptances)),
         checked=tuple(record for record in checked if record is not None),
         notes=tuple(dict.fromkeys(notes)),
         provenance=campaign.provenance(),
     )
+
+
+def _hits_for_half(
+    campaign: CampaignData, observed: Sequence[Observation], table: SpindleReceptance, errors: Sequence[Tolerance]
+) -> int | None:
+    """Return times the hits with which half of the lines that are not usable become so; None if few are not.
+
+    The lines are solved again with the same records and the standard deviations of more hits.
+    """
+    others = ~table.usable
+    if np.mean(others) <= 1.0 - _FEW:
+        return None
+    campaign.progress("solving for more hits")
+    for hits in _HITS:
+        quieter = [altered(o, standard_deviation=np.asarray(o.standard_deviation) / np.sqrt(hits)) for o in observed]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ReceptanceWarning)
+            found = identify_spindle(
+                quieter, limit=table.limit, tolerances=errors, allow_mismatch=True, threads=campaign.threads
+            )
+        if np.mean(found.usable[others]) >= 0.5:
+            return hits
+    return None
 
 
 def chosen_spindle(campaign: CampaignData, name: str | None) -> str:

@@ -265,9 +265,13 @@ def stability(
     ] = None,
     seed: NewSeed = None,
 ) -> None:
-    """Compute stable depths of cut and recommended spindle speeds."""
+    """Compute stable depths of cut and recommended spindle speeds.
+
+    The exit code is 3 if no cut has a limit.
+    """
     _, result = run_on_campaign(file, targets, lambda read: read.stability(cuts=cut or ()), seed)
     targets.show(result)
+    targets.require(any(lobes.has_limits for lobes in result.values()), always=True)
     targets.require(not result.rejection)
 
 

@@ -73,7 +73,7 @@ NewSeed = Annotated[
 _is_quiet: ContextVar[bool] = ContextVar("quiet", default=False)
 _STANDARD_OUTPUT = Path("-")
 _NO = 3
-"""Exit code for a negative result of --strict or --at-most."""
+"""Exit code for a negative result: without an answer, or of --strict or --at-most."""
 PROFILES, STABILISATION = "profiles", "modes"
 """Ends of the names of the figures of a fit beside its own: of profiles, and of the number of modes."""
 

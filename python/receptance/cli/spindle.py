@@ -12,7 +12,7 @@ from receptance.cli.campaigns import CampaignFile, protect_files, run_on_campaig
 from receptance.cli.running import InputError, Targets, count_of_modes, input_errors, takes_targets
 
 
-@takes_targets("if there is advice, or the modes are rejected")
+@takes_targets("if there is advice")
 def spindle(
     file: CampaignFile,
     targets: Targets,
@@ -44,7 +44,8 @@ def spindle(
 ) -> None:
     """Identify a spindle from hits on a blank in it, and write it to a file.
 
-    The table spindles.NAME of the campaign names the assemblies with a blank, `blanks`, and the file, `file`.
+    The table spindles.NAME of the campaign names the assemblies with a blank, `blanks`, and the file, `file`. The exit
+    code is 3 if the fit of modes is rejected, which writes no file.
     """
     count = None if modes is None else count_of_modes("--modes", modes)
     if out is not None:
@@ -73,7 +74,8 @@ def spindle(
         with input_errors():
             content = coupling.spindle_files.spindle_bytes(found.identified, target.suffix)
         targets.show(found, more={target: content})
-    targets.require(not found.warnings() and not found.rejection)
+    targets.require(not found.rejection, always=True)
+    targets.require(not found.warnings())
 
 
 def _check_suffix(option: str, path: Path, *, as_modes: bool) -> None:

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from receptance.coupling.spindle_receptance import SpindleReceptance
 from receptance.model.terminals import ENTRIES
 
-Reason = Literal["", "y/F", "theta/M", "y/M", "two solutions", "near others", "not determined"]
+Reason = Literal["", "y/F", "theta/M", "y/M", "two solutions", "noise", "not determined"]
 """Why a line is not usable: the term with the largest standard deviation above the limit; two spindles explain the
-responses; the lines around are imprecise; the equations have no solution. Empty for a usable line."""
-REASONS: tuple[Reason, ...] = ("", "y/F", "theta/M", "y/M", "two solutions", "near others", "not determined")
+responses; the noise is too large for a standard deviation; the equations have no solution. Empty for a usable line."""
+REASONS: tuple[Reason, ...] = ("", "y/F", "theta/M", "y/M", "two solutions", "noise", "not determined")
 _SHORTEST = 60
 """A band has at least this part of all lines, or five."""
 
@@ -50,7 +50,7 @@ def relative_deviations(spindle: SpindleReceptance) -> NDArray[np.float64]:
 def reasons_of(spindle: SpindleReceptance) -> NDArray[np.intp]:
     """Return the number of its reason in `REASONS` for each line, `(n,)`."""
     deviation = relative_deviations(spindle)
-    result = np.full(spindle.usable.size, REASONS.index("near others"))
+    result = np.full(spindle.usable.size, REASONS.index("noise"))
     result[spindle.ambiguous] = REASONS.index("two solutions")
     large = deviation.max(axis=1) > spindle.limit
     result[large] = 1 + np.argmax(deviation, axis=1)[large]

@@ -45,8 +45,8 @@ class SpindleReceptance(Result):
     condition: NDArray[np.float64]
     """`(n,)` condition number: largest amplification of a relative error of the responses."""
     usable: NDArray[np.bool_]
-    """`(n,)` lines on which the relative standard deviation of each term is below `limit` and which are not
-    ambiguous."""
+    """`(n,)` lines on which the relative standard deviation of each term is below `limit` and valid for the noise, and
+    which are not ambiguous."""
     limit: float
     """Largest relative standard deviation of usable lines."""
     ambiguous: NDArray[np.bool_]
@@ -248,7 +248,7 @@ def identify_spindle(
         )
     observed, lines, rows, dropped = common_lines(observed)
     equations = blank_equations(observed, lines, rows, threads)
-    x, ambiguous, imprecise = _solve(equations, share)
+    x, ambiguous = _solve(equations)
     x, rank = equations.determined(x)
     if rank.max(initial=0) < len(TERMS):
         raise ValueError(
@@ -258,7 +258,7 @@ def identify_spindle(
     good = rank == len(TERMS)
     errors = _checks.items("tolerances", tolerances, Tolerance, least=0)
     moved = _moved_by_errors(observed, lines, rows, x, equations, errors, threads)
-    spindle = _result(equations, observed, lines, x, good, ambiguous & good, imprecise, share, moved)
+    spindle = _result(equations, observed, lines, x, good, ambiguous & good, share, moved)
     notes = [note for observation in observed for note in observation.notes]
     if dropped:
         notes.append(f"{dropped} lines are omitted because not all measurements have them")
@@ -308,7 +308,6 @@ def _result(
     x: NDArray[np.complex128],
     good: NDArray[np.bool_],
     ambiguous: NDArray[np.bool_],
-    imprecise: NDArray[np.bool_],
     share: float,
     by_errors: NDArray[np.complex128],
 ) -> SpindleReceptance:
@@ -325,7 +324,8 @@ def _result(
         of_blanks = change @ np.conj(change).transpose(0, 2, 1)
         covariance = covariance + of_blanks
         deviation = np.sqrt(np.einsum("nii->ni", covariance).real)
-        usable = good & (deviation <= share * scale).all(axis=1) & ~ambiguous & ~imprecise
+        usable = good & (deviation <= share * scale).all(axis=1) & ~ambiguous
+        usable[usable] = _valid_to_first_order(equations.select(usable), x[usable])
         redundant = equations.rigid.shape[1] - len(TERMS)
         cost = float(np.sum(equations.cost(x)[good]))
         # The part of the change by an error that no spindle follows is in the residuals as well.
@@ -346,7 +346,8 @@ def _result(
     if not usable.all():
         notes.append(
             f"{int(usable.sum())} of {usable.size} lines are usable: on the others the standard deviation of a term is "
-            f"above {100.0 * share:g} % there or on neighbouring lines, or two spindles explain the responses"
+            f"above {100.0 * share:g} %, the noise is too large for a standard deviation, or two spindles explain the "
+            "responses"
         )
     if ambiguous.any():
         notes.append(
@@ -383,18 +384,18 @@ _NO_SOLUTION = 1e9
 """Cost of a solution that does not exist."""
 _ODDS = 12.0
 """Difference of twice the log-likelihood from which a branch is chosen: odds of e^6."""
-_NEAR = 4.0
-"""Distance of two solutions in standard deviations below which the equations are nonlinear over the noise."""
-_NEIGHBOURS = 8
-"""Number of lines on either side in the median of the precision."""
+_NOISE = np.sqrt(2.0 * len(TERMS))
+"""Typical distance of the responses from the true ones, in standard deviations: real and imaginary parts of as many as
+there are terms."""
+_EXCESS = 1.5
+"""Squared distance to which noise may move a solution, relative to that to first order."""
 
 
-def _solve(equations: Equations, limit: float) -> tuple[NDArray[np.complex128], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return the terms `(n, 3)`, the ambiguous lines, and the lines among imprecise ones.
+def _solve(equations: Equations) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
+    """Return the terms `(n, 3)` and the ambiguous lines.
 
     The two solutions of a line explain it equally well. The choice is made for all lines together by the most likely
-    path over frequency: a spindle changes little between lines, and it is passive. A precise line among imprecise ones
-    is so by chance.
+    path over frequency: a spindle changes little between lines, and it is passive.
     """
     with np.errstate(all="ignore"):
         starts = [
@@ -403,13 +404,46 @@ def _solve(equations: Equations, limit: float) -> tuple[NDArray[np.complex128], 
         exact = equations.rigid.shape[1] == len(TERMS)
         none = np.zeros(len(equations.rigid), dtype=np.bool_)
         if starts and exact:
-            return starts[0], none, none
+            return starts[0], none
         solutions = starts or quadratic_solutions(equations)
         if not exact:
             solutions = [refine(equations, start) for start in solutions]
         if len(solutions) == 1:
-            return solutions[0], none, none
-        return _most_likely_path(equations, solutions, limit)
+            return solutions[0], none
+        return _most_likely_path(equations, solutions)
+
+
+def _valid_to_first_order(equations: Equations, x: NDArray[np.complex128]) -> NDArray[np.bool_]:
+    """Return on which lines noise moves a solution about as far as its covariance states, `(n,)`.
+
+    Where the responses hardly depend on the spindle, noise moves the solution to where they would: close to the
+    negative receptance of the blank, at which both resonate. There it seems precise, on many lines in the same way. So
+    the responses are moved by as much as noise moves them, along each principal axis of the covariance, and the
+    equations are solved again. A covariance of first order is valid if no solution moves much farther than it states.
+    """
+    if not len(x):
+        return np.zeros(0, dtype=np.bool_)
+    with np.errstate(all="ignore"):
+        scale = equations.scale(x)
+        reaction = equations.sensitivity(x) * equations.deviation[:, None, :] / scale[..., None]
+        finite = np.asarray(np.isfinite(reaction).all(axis=(1, 2)))
+        ends, sizes, causes = np.linalg.svd(np.where(finite[:, None, None], reaction, 0.0), full_matrices=False)
+        farthest = np.where(finite, 0.0, np.inf)
+        for cause in np.moveaxis(causes.conj(), 1, 0):
+            for side in (1.0, -1.0, 1j, -1j):
+                measured = equations.measured * np.exp(side * _NOISE * cause * equations.deviation)
+                others = _solutions_near(replace(equations, measured=measured), x)
+                off = np.stack([(other - x) / scale for other in others], axis=1)
+                components = np.einsum("nmi,nkm->nki", ends.conj(), off) / sizes[:, None, :]
+                farthest = np.maximum(farthest, np.min(np.sum(np.abs(components) ** 2, axis=2), axis=1))
+        return np.asarray(farthest <= _EXCESS * _NOISE**2)
+
+
+def _solutions_near(equations: Equations, x: NDArray[np.complex128]) -> list[NDArray[np.complex128]]:
+    """Return the solutions of equations that resemble those with the solution `x`."""
+    if equations.rigid.shape[1] > len(TERMS):
+        return [refine(equations, x)]
+    return [linear_solution(equations)] if equations.one_structure else quadratic_solutions(equations)
 
 
 def _by_blank(equations: Equations) -> list[list[int]]:
@@ -432,9 +466,9 @@ def _subset(equations: Equations, pairs: list[int]) -> Equations:
 
 
 def _most_likely_path(
-    eq: Equations, solutions: list[NDArray[np.complex128]], limit: float
-) -> tuple[NDArray[np.complex128], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return the most likely path through the solutions, its ambiguous lines, and the lines among imprecise ones."""
+    eq: Equations, solutions: list[NDArray[np.complex128]]
+) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
+    """Return the most likely path through the solutions, and its ambiguous lines."""
     terms = np.stack(solutions, axis=1)
     scale = np.stack([eq.scale(x) for x in solutions], axis=1)
     misfit = np.stack([eq.cost(x) for x in solutions], axis=1)
@@ -461,16 +495,12 @@ def _most_likely_path(
         backward[line] = np.min(steps[line] + costs[line + 1] + backward[line + 1], axis=1)
     total = forward + backward
     chosen, lines = np.argmin(total, axis=1), np.arange(len(costs))
-    x, noise = terms[lines, chosen], covariance[lines, chosen]
+    x = terms[lines, chosen]
     off = (terms - x[:, None]) / scale[lines, chosen][:, None]
     apart = finite & (np.abs(off).max(axis=-1) > _EQUAL)
-    distance = np.einsum("nki,nki->nk", off.conj(), np.linalg.solve(noise[:, None], off[..., None])[..., 0]).real
-    likely = apart & ((total - total[lines, chosen][:, None] < _ODDS) | (distance < _NEAR**2))
+    likely = apart & (total - total[lines, chosen][:, None] < _ODDS)
     ambiguous = np.any(likely & (costs - costs[lines, chosen][:, None] < _ODDS), axis=1)
-    relative = np.sqrt(np.einsum("nii->ni", noise).real.max(axis=1))
-    padded = np.pad(relative, _NEIGHBOURS, mode="edge")
-    precision = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBOURS + 1), axis=1)
-    return np.where(finite[lines, chosen][:, None], x, np.nan), ambiguous, precision > limit
+    return np.where(finite[lines, chosen][:, None], x, np.nan), ambiguous
 
 
 def _activity(
@@ -518,7 +548,7 @@ _LARGEST_RMS = 3.0
 _SIGNIFICANT = 4.0
 """Energy gain, in standard deviations, beyond which a spindle is a source of energy."""
 _ACTIVE_SHARE = 0.02
-"""Share of the usable lines on which a spindle may be a source of energy by chance."""
+"""Share of the usable lines, or one line, on which a spindle may be a source of energy by chance."""
 
 
 def _energy_gain(
@@ -551,8 +581,7 @@ def _mismatch(spindle: SpindleReceptance, equations: Equations) -> str:
         return ""
     energy, deviation = _energy_gain(spindle.matrix[spindle.usable], spindle.covariance[spindle.usable])
     active = energy > _SIGNIFICANT * deviation + 1e-9
-    share = active.mean()
-    if share > _ACTIVE_SHARE:
+    if active.sum() > max(1.0, _ACTIVE_SHARE * active.size):
         lines = np.asarray(spindle.frequency_hz)[spindle.usable][active]
         return (
             f"the spindle would be a source of energy on {lines.size} of {active.size} usable lines, the first at "
@@ -565,6 +594,8 @@ def _mismatch(spindle: SpindleReceptance, equations: Equations) -> str:
 _LOWEST = 2.0
 """The lowest lines are those up to this multiple of the first."""
 _FEWEST_LOWEST = 8
+_LEAST_SHARE = 0.5
+"""Share of the lowest lines that are usable below which they are too few by chance to be judged."""
 _MASS_LIKE = 0.8
 """A negative receptance that shrinks below this share over the lowest lines is that of a mass, which falls as 1/f^2."""
 
@@ -575,6 +606,8 @@ def _negative_stiffness(spindle: SpindleReceptance) -> str:
     Below its modes a structure is a spring, above some of them also a mass, whose negative receptance falls as 1/f^2.
     """
     lines, rows = np.asarray(spindle.frequency_hz).real, np.flatnonzero(spindle.usable)
+    if spindle.usable[(lines >= lines[rows[0]]) & (lines <= _LOWEST * lines[rows[0]])].mean() < _LEAST_SHARE:
+        return ""
     lowest = rows[lines[rows] <= _LOWEST * lines[rows[0]]]
     rows = lowest if lowest.size >= _FEWEST_LOWEST else rows[:_FEWEST_LOWEST]
     if rows.size < _FEWEST_LOWEST or lines[rows[-1]] > 2.0 * _LOWEST * lines[rows[0]]:

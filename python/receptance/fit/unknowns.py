@@ -453,7 +453,7 @@ class Variables:
     @cached_property
     def logarithmic(self) -> NDArray[np.bool_]:
         """Mask of the variables that are logarithms."""
-        return np.array([unknown.scale == "log" for unknown in self.unknowns])
+        return np.array([unknown.scale == "log" for unknown in self.unknowns], dtype=np.bool_)
 
     @cached_property
     def bounds(self) -> NDArray[np.float64]:

@@ -22,6 +22,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from receptance.errors import ReceptanceError
@@ -61,15 +62,11 @@ def predictors_at(found: Identification, vectors: Sequence[NDArray[np.float64]])
     Those where the model has no value are left out.
     """
     problem, scale = found.task.problem(), np.sqrt(max(found.residual_variance, SMALLEST))
+    roots = [problem.curvature_root(x) / scale for x in vectors]
     return [
-        Predictor(
-            found.task.parameters,
-            found.task.variables.to_values(x),
-            root=problem.jacobian(x) / scale,
-            discrepancy=found.discrepancy,
-        )
-        for x in vectors
-        if np.isfinite(problem.residual(x)).all()
+        Predictor(found.task.parameters, found.task.variables.to_values(x), root=root, discrepancy=found.discrepancy)
+        for x, root in zip(vectors, roots, strict=True)
+        if root.any()  # zero where the model has no value
     ]
 
 
@@ -109,6 +106,8 @@ def expected_deviations(
         information += parts[-1].T @ parts[-1]
     scale = np.sqrt(np.diag(information))
     information /= np.outer(scale, scale)
+    # One factor serves all targets, of which there may be a hundred.
+    factor = scipy.linalg.lu_factor(information)
     deviations: dict[str, float] = {}
     simulated = zip(parts, observations, strict=True)
     for target in targets:
@@ -120,7 +119,7 @@ def expected_deviations(
             gradients = part[None] if target.observation.is_receptance else part[:, None]
         for name, gradient in zip(names_of(target), gradients, strict=True):
             scaled = (gradient / scale).T
-            variances = np.sum(scaled * np.linalg.solve(information, scaled), axis=0)
+            variances = np.sum(scaled * scipy.linalg.lu_solve(factor, scaled), axis=0)
             deviations[name] = float(np.sqrt(np.mean(variances)))
     return deviations
 

@@ -259,6 +259,11 @@ class Lobes(Result):
         return self.depth if self.probability is None else self.stable_depth(self.probability)
 
     @property
+    def has_limits(self) -> bool:
+        """Whether there is a limit at any speed."""
+        return not bool(np.isnan(self.depth).all())
+
+    @property
     def best_cuts(self) -> tuple[StableCut, ...]:
         """Recommended speeds for `probability`, deepest cut first; empty if no speed has a finite limit."""
         if not np.isfinite(self.certain_depth).any():
