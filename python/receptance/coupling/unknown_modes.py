@@ -8,9 +8,9 @@ fitted first, whatever the spindle is (`spindle_elimination`), and the modes are
 starts of these, and a fit of everything on some of the lines tells which start is best. The number of modes is stated,
 or the evidence of the records chooses it (`stabilisation`).
 
-Shapes are complex: dampers at bearings couple the modes. With fewer records they are real until the end: on each line
-three records alone determine the three receptances of the spindle for any joint, and modes of complex shapes that
-imitate each other then explain the records behind a wrong one.
+Shapes are complex: dampers at bearings couple the modes. With fewer records they are also tried real until the end:
+on each line three records alone determine the three receptances of the spindle for any joint, and modes of complex
+shapes that imitate each other then explain the records behind a wrong one.
 """
 
 from __future__ import annotations
@@ -225,14 +225,17 @@ def start_modes(
     sites = [observation.site(i) for i, observation in enumerate(observed)]
     units: list[Unit] = ["standard deviations"] * len(observed)
     ends = []
-    for x in records.starts(starts + _DRAWN, seed):
+    # Real shapes end at the better optimum of most machines, complex ones of some.
+    tried = [(x, True) for x in records.starts(starts + _DRAWN, seed)]
+    tried += [(x, False) for x in records.starts(starts, seed)]
+    for x, real in tried:
         values = records.named(x)
-        steps = part.steps(records.lines_hz, _of_equations(records.equations(x)), real=True)
+        steps = part.steps(records.lines_hz, _of_equations(records.equations(x)), real=real)
         fit, chosen = _fit_of_modes(part.name, steps, records, observed, by_evidence=by_evidence)
         begun = [*_started(others, values), *part.started(fit)]
         errors = [replace(tolerance, start=values.get(tolerance.name, 0.0)) for tolerance in tolerances]
         task = Task(tuple(observed), Parameters(begun, errors, sites), tuple(units), threads=threads)
-        end = _fitted(task, name)
+        end = _fitted(task, name, real=real)
         free = len(begun) - len(others)
         size = 2.0 * end.cost + free * float(np.log(records.independent_values))
         ends.append((size, end, task, begun, chosen))
@@ -329,14 +332,17 @@ def _sizes(observation: Observation) -> NDArray[np.float64]:
     return np.ones(frequency.size) if observation.is_receptance else frequency
 
 
-def _fitted(task: Task, name: str) -> End:
-    """Return the end of a fit on some lines: of modes with real shapes alone, of everything with these, then of all."""
+def _fitted(task: Task, name: str, *, real: bool) -> End:
+    """Return the end of a fit on some lines: of the modes alone, then of everything; real shapes first if `real`."""
     variables, problem = task.variables, task.problem()
     few = problem.thinned(_LINES) or problem
     modes = np.array([title.startswith(f"{name}.") for title in variables.names])
-    real = np.array([not title.endswith("_imaginary") for title in variables.names])
-    end = few.fit_one(variables.start, _EVALUATIONS, free=modes & real, least=_LEAST)
-    end = few.fit_one(end.x, _EVALUATIONS, free=real, least=_LEAST)
+    if real:
+        shapes = np.array([not title.endswith("_imaginary") for title in variables.names])
+        end = few.fit_one(variables.start, _EVALUATIONS, free=modes & shapes, least=_LEAST)
+        end = few.fit_one(end.x, _EVALUATIONS, free=shapes, least=_LEAST)
+    else:
+        end = few.fit_one(variables.start, _EVALUATIONS, free=modes, least=_LEAST)
     return few.fit_one(end.x, _EVALUATIONS, least=_LEAST)
 
 
