@@ -8,9 +8,7 @@ fitted first, whatever the spindle is (`spindle_elimination`), and the modes are
 starts of these, and a fit of everything on some of the lines tells which start is best. The number of modes is stated,
 or the evidence of the records chooses it (`stabilisation`).
 
-Shapes are complex: dampers at bearings couple the modes. With fewer records they are also tried real until the end:
-on each line three records alone determine the three receptances of the spindle for any joint, and modes of complex
-shapes that imitate each other then explain the records behind a wrong one.
+Shapes are complex: dampers at bearings couple the modes.
 """
 
 from __future__ import annotations
@@ -68,8 +66,6 @@ _SAME = 0.1
 """Relative distance within which a peak belongs to a mode with a given frequency."""
 _UNWEIGHTED = 0.01
 """Relative standard deviation of observations without one."""
-_DRAWN = 5
-"""Starts of the parameters before the plane that are drawn in addition to the given ones."""
 _TRIED_LINES = 150
 """Largest number of lines on which a further mode is tried."""
 _NEAR = 2.0
@@ -186,9 +182,9 @@ def start_modes(
 ) -> tuple[list[Unknown], list[Tolerance], Stabilisation | None]:
     """Return unknowns and tolerances with starts for a fit of the modes of the part `name` and of all others.
 
-    The observations all have standard deviations or none; the unknowns include those of `bounds_of_modes`. Where the
-    records do not determine the spindle line by line, the parameters before the plane have `starts` and some more
-    starts, drawn with the seed. Observations without a common line leave the starts as they are.
+    The observations all have standard deviations or none; the unknowns include those of `bounds_of_modes`. `starts` is
+    the number of starts, drawn with the seed, of the parameters before the plane where the records do not determine the
+    spindle line by line. Observations without a common line leave the starts as they are.
 
     The third result has the modes by their number, None without a common line. With `by_evidence` the unknowns are
     those of as many modes as the records show; the others of the part have no effect. Then a common line is needed
@@ -225,24 +221,20 @@ def start_modes(
     sites = [observation.site(i) for i, observation in enumerate(observed)]
     units: list[Unit] = ["standard deviations"] * len(observed)
     ends = []
-    # Real shapes end at the better optimum of most machines, complex ones of some.
-    tried = [(x, True) for x in records.starts(starts + _DRAWN, seed)]
-    tried += [(x, False) for x in records.starts(starts, seed)]
-    for x, real in tried:
+    for x in records.starts(starts, seed):
         values = records.named(x)
-        steps = part.steps(records.lines_hz, _of_equations(records.equations(x)), real=real)
+        steps = part.steps(records.lines_hz, _of_equations(records.equations(x)))
         fit, chosen = _fit_of_modes(part.name, steps, records, observed, by_evidence=by_evidence)
         begun = [*_started(others, values), *part.started(fit)]
         errors = [replace(tolerance, start=values.get(tolerance.name, 0.0)) for tolerance in tolerances]
         task = Task(tuple(observed), Parameters(begun, errors, sites), tuple(units), threads=threads)
-        end = _fitted(task, name, real=real)
-        free = len(begun) - len(others)
-        size = 2.0 * end.cost + free * float(np.log(records.independent_values))
+        end = _fitted(task, name)
+        size = 2.0 * end.cost + fit.free * float(np.log(records.independent_values))
         ends.append((size, end, task, begun, chosen))
     _, end, task, begun, chosen = min(ends, key=lambda each: each[0])
     values = dict(zip(task.variables.names, task.variables.to_values(end.x).tolist(), strict=True))
     errors = [replace(tolerance, start=values[tolerance.name]) for tolerance in tolerances]
-    return _turned(_ascending(_started(begun, values), name), name), errors, chosen
+    return _turned(_started(begun, values), name), errors, chosen
 
 
 def _fit_of_modes(
@@ -289,26 +281,6 @@ def _started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[U
     ]
 
 
-def _ascending(unknowns: Sequence[Unknown], name: str) -> list[Unknown]:
-    """Return unknowns of which modes with the same unknowns and bounds start in the order of their frequencies."""
-    modes: dict[str, dict[str, Unknown]] = {}
-    for unknown in unknowns:
-        match = _MODE.fullmatch(unknown.address)
-        if match and match[1] == name:
-            modes.setdefault(match[2], {})[match[3]] = unknown
-    alike: dict[tuple[tuple[str, float, float], ...], list[dict[str, Unknown]]] = {}
-    for mode in modes.values():
-        key = tuple((quantity, unknown.lower, unknown.upper) for quantity, unknown in mode.items())
-        alike.setdefault(key, []).append(mode)
-    starts: dict[str, float | None] = {}
-    for group in alike.values():
-        frequency = QUANTITIES[0]
-        ascending = sorted(group, key=lambda mode: mode[frequency].start or 0.0) if frequency in group[0] else group
-        for mode, other in zip(group, ascending, strict=True):
-            starts |= {unknown.name: other[quantity].start for quantity, unknown in mode.items()}
-    return [replace(unknown, start=starts.get(unknown.name, unknown.start)) for unknown in unknowns]
-
-
 def _turned(unknowns: Sequence[Unknown], name: str) -> list[Unknown]:
     """Return unknowns of which each shape starts with a positive y, as far as bounds are symmetric."""
     shapes: dict[str, dict[str, Unknown]] = {}
@@ -332,17 +304,12 @@ def _sizes(observation: Observation) -> NDArray[np.float64]:
     return np.ones(frequency.size) if observation.is_receptance else frequency
 
 
-def _fitted(task: Task, name: str, *, real: bool) -> End:
-    """Return the end of a fit on some lines: of the modes alone, then of everything; real shapes first if `real`."""
+def _fitted(task: Task, name: str) -> End:
+    """Return the end of a fit on some lines: of the modes alone, then of everything."""
     variables, problem = task.variables, task.problem()
     few = problem.thinned(_LINES) or problem
     modes = np.array([title.startswith(f"{name}.") for title in variables.names])
-    if real:
-        shapes = np.array([not title.endswith("_imaginary") for title in variables.names])
-        end = few.fit_one(variables.start, _EVALUATIONS, free=modes & shapes, least=_LEAST)
-        end = few.fit_one(end.x, _EVALUATIONS, free=shapes, least=_LEAST)
-    else:
-        end = few.fit_one(variables.start, _EVALUATIONS, free=modes, least=_LEAST)
+    end = few.fit_one(variables.start, _EVALUATIONS, free=modes, least=_LEAST)
     return few.fit_one(end.x, _EVALUATIONS, least=_LEAST)
 
 
@@ -361,12 +328,10 @@ class _Modes:
         residuals_on: Callable[[NDArray[np.intp]], SpindleResiduals],
         about: Callable[[NDArray[np.float64], NDArray[np.complex128]], SpindleLines] | None = None,
         near: float = 0.0,
-        *,
-        real: bool = False,
     ) -> Iterator[FittedModes]:
         """Yield the fits of no mode, of one and so on.
 
-        The imaginary part of the shape of a mode above the lines is held as it is described, and of all if `real`.
+        The imaginary part of the shape of a mode above the lines is held as it is described.
 
         Parameters
         ----------
@@ -378,28 +343,25 @@ class _Modes:
             Returns the records about variables before the plane and entries of the spindle. Further fits are about
             those of a fit whose chi-square is below `near`.
         """
-        on_all, on_some = self._growths(lines_hz, residuals_on, real=real)
+        on_all, on_some = self._growths(lines_hz, residuals_on)
         fit = on_all.first([getattr(self.part, quantity) for quantity in RESIDUALS])
         yield fit
         for _ in self.part.modes:
             fit = on_all.fitted(on_some.with_next(fit))
             if about is not None and fit.chi_square < near:
                 residuals_on = _residuals_on(about(fit.before, fit.entries))
-                on_all, on_some = self._growths(lines_hz, residuals_on, real=real)
+                on_all, on_some = self._growths(lines_hz, residuals_on)
                 fit = on_all.fitted(fit)
             yield fit
 
     def _growths(
-        self, lines_hz: NDArray[np.inexact], residuals_on: Callable[[NDArray[np.intp]], SpindleResiduals], *, real: bool
+        self, lines_hz: NDArray[np.inexact], residuals_on: Callable[[NDArray[np.intp]], SpindleResiduals]
     ) -> tuple[ModeGrowth, ModeGrowth]:
-        """Return the growth of modes on all lines, and on those on which modes are tried; `real` as in `steps`."""
+        """Return the growth of modes on all lines, and on those on which further modes are tried."""
         bounds = self._bounds_of_modes
         residuals = [getattr(self.part, quantity) for quantity in RESIDUALS]
         limits = np.array([self._bounds(name, value) for name, value in zip(RESIDUALS, residuals, strict=True)])
         above = self._above(bounds, float(lines_hz.real[-1]))
-        if real:
-            bounds = bounds.copy()
-            bounds[:, _KEPT] = self._described[:, _KEPT, None]
 
         def growth(lines: NDArray[np.intp]) -> ModeGrowth:
             return ModeGrowth(
@@ -414,10 +376,7 @@ class _Modes:
 
     def started(self, fit: FittedModes) -> list[Unknown]:
         """Return the unknowns of the fitted modes, which start there."""
-        limits, bounds = fit.bounds.copy(), self._bounds_of_modes[: len(fit.modes)]
-        below = limits[:, 0, 0] == bounds[:, 0, 0]
-        limits[below] = bounds[below]
-        modes, chosen = _in_order(fit.modes, limits, self._bounds_of_modes)
+        modes, chosen = _in_order(fit.modes, fit.bounds, self._bounds_of_modes)
         numbers = dict(zip((f"{self.name}.{quantity}" for quantity in RESIDUALS), fit.residuals.tolist(), strict=True))
         sides: dict[str, tuple[float, float]] = {}
         for index, (row, pairs) in enumerate(zip(modes.tolist(), chosen.tolist(), strict=True)):
