@@ -14,6 +14,7 @@ from receptance.coupling.stabilisation import Stabilisation, Stabilisations
 from receptance.coupling.unknown_modes import bounds_of_modes, start_modes
 from receptance.errors import ReceptanceError
 from receptance.fit import Unknown, identify
+from receptance.fit.covariance import covariance_of
 from receptance.fit.observation import altered
 
 SEED = 20261128
@@ -269,3 +270,27 @@ def test_draws_with_uncertain_modes_scatter_about_the_fit() -> None:
     tip = fit.at(observations[0].assembly).receptance(LINES, draws=100, seed=SEED)
     spread = np.std(np.log(np.abs(tip.drawn / tip.receptance)), axis=0)
     np.testing.assert_allclose(spread, tip.scatter.total, rtol=0.35)
+
+
+def test_draws_of_modes_that_only_together_are_determined() -> None:
+    """Two modes alike: the data determine the sum of their receptances, and neither shape."""
+    true = machine(*TRUE.values(), modes=(MODES[0], MODES[0], MODES[1]))
+    error = 0.02 * np.array([1.0, 1.0j]) @ np.random.default_rng(SEED).standard_normal((2, LINES.size))
+    tip = {"response": PLACES["tip"], "excitation": PLACES["tip"]}
+    observation = Observation(
+        assembly=true,
+        frequency_hz=LINES,
+        receptance=true.receptance(LINES, **tip) * np.exp(error),
+        standard_deviation=0.02,
+        **tip,
+    )
+    shapes = [Unknown(address=f"spindle.mode[{i}].y", lower=-5.0, upper=5.0, start=MODES[0].y) for i in (0, 1)]
+    fit = identify(observation, shapes, starts=1, noise="stated")
+    # At equal shapes; the fit itself may end beside them.
+    shape = np.array([MODES[0].y] * 2)
+    root = fit.task.problem().curvature_root(fit.task.variables.from_values(shape))
+    covariance, _ = covariance_of(root)
+    assert np.isinf(covariance).all()
+    predictor = replace(fit.predictor, values=shape, covariance=covariance, root=root)
+    predicted = predictor.at(observation.site(0)).receptance(LINES, **tip, draws=200, seed=SEED)
+    assert np.std(np.log(np.abs(predicted.drawn / predicted.receptance)), axis=0).max() < 0.02

@@ -26,7 +26,7 @@ from receptance.frf.plausibility import low_frequency_rise
 from receptance.modal import ModeEstimate
 from receptance.model.assembly import Assembly
 from receptance.model.modes import damped_modes
-from receptance.model.terminals import MeasuredPart, ModalPart, Terminal
+from receptance.model.terminals import RESIDUALS, MeasuredPart, ModalPart, Terminal
 from receptance.report import ACCEPTED, Rejection
 from receptance.stability import (
     Lobes,
@@ -104,15 +104,20 @@ class Tips:
         """Return the least depth in m at which the model chatters above the lines, and the frequency in Hz.
 
         None where the tip does not end with modes that were identified. Measurements do not show modes above their
-        lines, but a tool has some, and in lobes of much depth they chatter first.
+        lines, but a tool has some, and in lobes of much depth they chatter first. Modes of the spindle above the lines
+        stand for all others, and their resonances are not those of the machine: what counts is a mode that the tip has
+        with their receptances and with their static ones, at the larger one of the two depths.
         """
         if not self._has_modes:
             return None
         lines = np.geomspace(self.lines[-1], _ABOVE * self.lines[-1], _LINES_ABOVE)
-        several = [_beyond_band(one.assembly).receptance(lines, threads=self._threads) for one in self._predicted]
-        depth = critical_depths(cut, lines, self._matrix(several))[0].min(axis=1)
-        at = int(np.argmin(depth))
-        return float(depth[at]), float(lines[at])
+        fitted = [_beyond_band(one.assembly) for one in self._predicted]
+        found = []
+        for assemblies in (fitted, [_static_above(one, float(self.lines[-1])) for one in fitted]):
+            several = [one.receptance(lines, threads=self._threads) for one in assemblies]
+            depth = critical_depths(cut, lines, self._matrix(several))[0].min(axis=1)
+            found.append((float(depth.min()), float(lines[np.argmin(depth)])))
+        return max(found)
 
     @property
     def _predicted(self) -> list[PredictedAssembly]:
@@ -272,6 +277,20 @@ def _predicted_tip(
     return predict_assembly(campaign, identified, campaign.site(tip.assembly), tolerances, tip.assembly, notes)
 
 
+def _static_above(assembly: Assembly, highest_hz: float) -> Assembly:
+    """Return an assembly whose spindle has the static receptance of its modes above a frequency in place of them."""
+    spindle = _end_of(assembly)
+    residual = dict.fromkeys(RESIDUALS, 0.0)
+    changes: dict[str, float] = {}
+    for i, mode in enumerate(spindle.modes):
+        if mode.frequency_hz > highest_hz:
+            static = mode.entries(np.array([_STATIC * highest_hz]))[0].real
+            residual = {name: value + float(one) for (name, value), one in zip(residual.items(), static, strict=True)}
+            changes |= {f"{spindle.name}.mode[{i}].{name}": 0.0 for name in _SHAPE}
+    changes |= {f"{spindle.name}.{name}": getattr(spindle, name) + value for name, value in residual.items()}
+    return assembly.replace(changes)
+
+
 def _end_of(assembly: Assembly) -> Any:
     return next(reversed(assembly.elements.values()))
 
@@ -330,6 +349,9 @@ _DENSER = 10
 """Lines among which those of a tip are chosen, by their number."""
 _ABOVE, _LINES_ABOVE = 2.5, 3000
 """Highest frequency of modes that are not measured, over that of the lines, and the number of lines up to it."""
+_STATIC = 1e-3
+"""Frequency of the receptance that is called static, over that of the highest line."""
+_SHAPE = ("y", "theta", "y_imaginary", "theta_imaginary")
 _BESIDE_GAP = 0.5
 """Share of the largest magnitude of a tip above which a limit may lie in a gap beside the line."""
 _SEARCH_RATIO = 10.0

@@ -38,12 +38,14 @@ _TRIED = 3
 """Number of the best candidates that are fitted."""
 _APART = 0.1
 """Least relative distance of the natural frequencies of two of them."""
-_EVALUATIONS = 40
+_EVALUATIONS = 80
 """Largest number of evaluations of each of these fits."""
 _TOLERANCE = 1e-5
 """Relative change at which they have converged."""
+_EVALUATIONS_AGAIN = 40
+"""Largest number of evaluations of a fit that another follows."""
 _LEAST_DECREASE = 0.5
-"""Decrease of the cost at which they have converged."""
+"""Decrease of the cost at which it has converged."""
 _LEAST = 1e-9
 """Least frequency in Hz and damping ratio: a lower bound may be zero."""
 _DEPENDENT = 1e-8
@@ -216,7 +218,7 @@ class ModeGrowth:
 
     def fitted(self, start: FittedModes) -> FittedModes:
         """Return the fit from a start."""
-        return self._end(self._variables(start), start.bounds)
+        return self._end(self._variables(start), start.bounds, _EVALUATIONS_AGAIN, _LEAST_DECREASE)
 
     def with_next(self, start: FittedModes) -> FittedModes:
         """Return the best fit with a further mode."""
@@ -228,9 +230,15 @@ class ModeGrowth:
             ends.append(self._end(self._with_mode(x, mode), trial))
         return min(ends, key=lambda end: end.chi_square)
 
-    def _end(self, x: NDArray[np.float64], limits: NDArray[np.float64]) -> FittedModes:
+    def _end(
+        self,
+        x: NDArray[np.float64],
+        limits: NDArray[np.float64],
+        evaluations: int = _EVALUATIONS,
+        least: float = 0.0,
+    ) -> FittedModes:
         """Return the end of a fit of modes within their bounds `(k, 6, 2)`."""
-        cost, x = self._fitted(x, limits)
+        cost, x = self._fitted(x, limits, evaluations, least)
         modes, rest = self._split(x)
         entries = self._entries(modes)[0] + rest * self._entry_scale
         return FittedModes(
@@ -283,7 +291,9 @@ class ModeGrowth:
         low, high = self.bounds[index].T
         return np.concatenate([np.sqrt(low[:2] * high[:2]), np.clip(0.0, low[2:], high[2:])])
 
-    def _fitted(self, x: NDArray[np.float64], bounds: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    def _fitted(
+        self, x: NDArray[np.float64], bounds: NDArray[np.float64], evaluations: int, least: float
+    ) -> tuple[float, NDArray[np.float64]]:
         """Return the cost and the variables at the end of a fit of modes within their bounds `(k, 6, 2)`."""
         sides = [self._scaled(bounds[..., side]).reshape(-1) for side in (0, 1)]
         rest = (self.residual_bounds / self._entry_scale[:, None]).T
@@ -291,7 +301,7 @@ class ModeGrowth:
         core = _core.Problem(np.zeros(x.size, dtype=np.bool_), limits, np.zeros((0, 3)), _checks.thread_count(1))
         core.add_function(self._evaluate)
         start = np.ascontiguousarray(np.clip(x, *limits)[None])
-        ends = core.fit(start, limits[0] < limits[1], np.array([_EVALUATIONS]), _TOLERANCE, _LEAST_DECREASE)
+        ends = core.fit(start, limits[0] < limits[1], np.array([evaluations]), _TOLERANCE, least)
         return float(ends.cost[0]), np.asarray(ends.x[0])
 
     def _evaluate(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:

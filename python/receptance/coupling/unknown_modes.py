@@ -343,11 +343,25 @@ class _Modes:
             Returns the records about variables before the plane and entries of the spindle. Further fits are about
             those of a fit whose chi-square is below `near`.
         """
+        on_all, on_some = self._growths(lines_hz, residuals_on)
+        fit = on_all.first([getattr(self.part, quantity) for quantity in RESIDUALS])
+        yield fit
+        for _ in self.part.modes:
+            fit = on_all.fitted(on_some.with_next(fit))
+            if about is not None and fit.chi_square < near:
+                residuals_on = _residuals_on(about(fit.before, fit.entries))
+                on_all, on_some = self._growths(lines_hz, residuals_on)
+                fit = on_all.fitted(fit)
+            yield fit
+
+    def _growths(
+        self, lines_hz: NDArray[np.inexact], residuals_on: Callable[[NDArray[np.intp]], SpindleResiduals]
+    ) -> tuple[ModeGrowth, ModeGrowth]:
+        """Return the growth of modes on all lines, and on those on which further modes are tried."""
         bounds = self._bounds_of_modes
         residuals = [getattr(self.part, quantity) for quantity in RESIDUALS]
         limits = np.array([self._bounds(name, value) for name, value in zip(RESIDUALS, residuals, strict=True)])
         above = self._above(bounds, float(lines_hz.real[-1]))
-        every, some = np.arange(lines_hz.size), few(lines_hz.size, _TRIED_LINES)
 
         def growth(lines: NDArray[np.intp]) -> ModeGrowth:
             return ModeGrowth(
@@ -358,16 +372,7 @@ class _Modes:
                 residual_bounds=limits,
             )
 
-        on_all, on_some = growth(every), growth(some)
-        fit = on_all.first(residuals)
-        yield fit
-        for _ in range(len(bounds)):
-            fit = on_all.fitted(on_some.with_next(fit))
-            if about is not None and fit.chi_square < near:
-                residuals_on = _residuals_on(about(fit.before, fit.entries))
-                on_all, on_some = growth(every), growth(some)
-                fit = on_all.fitted(fit)
-            yield fit
+        return growth(np.arange(lines_hz.size)), growth(few(lines_hz.size, _TRIED_LINES))
 
     def started(self, fit: FittedModes) -> list[Unknown]:
         """Return the unknowns of the fitted modes, which start there."""

@@ -160,6 +160,18 @@ class Predictor:
         deviations[:, determined] = self.spreads(count, seed)[:, None] * moved
         return np.asarray(deviations)
 
+    def correlated_deviations(self, count: int, seed: int) -> NDArray[np.float64]:
+        """Return deviations as those of `deviations`, with combinations of variables that alone are not determined.
+
+        The data determine the sum of two modes that they do not tell apart, and it must not have the deviations of
+        these. `root` is needed; the bounds are a prior, see `information_root`.
+        """
+        if self.root is None:
+            return self.deviations(count, seed)
+        normal = np.random.default_rng(seed).standard_normal((count, self.values.size))
+        moved = np.linalg.solve(self.information_root, normal.T).T
+        return np.asarray(self.spreads(count, seed)[:, None] * moved)
+
     def spreads(self, count: int, seed: int) -> NDArray[np.float64]:
         """Return the factor of all errors of each draw, `(count,)`: the size of a discrepancy is uncertain, else 1."""
         if self.discrepancy is None or self.degrees_of_freedom is None:
@@ -528,7 +540,7 @@ class PredictedAssembly:
         return any(address.startswith(f"{last}.mode[") for address in self.addresses)
 
     def _drawn_to_first_order(self, linear: LinearFRF, count: int, seed: int) -> list[NDArray[np.complex128] | None]:
-        variables, errors = self.predictor.deviations(count, seed), _draw_errors(self.fresh, count, seed)
+        variables, errors = self.predictor.correlated_deviations(count, seed), _draw_errors(self.fresh, count, seed)
         moved = variables @ self._by_variables.T + errors @ self._by_fresh.T
         changes = moved @ (linear.slope / linear.receptance[:, None]).T
         return [linear.receptance * np.exp(change) for change in changes]
