@@ -235,6 +235,24 @@ def test_spindle_by_differences_has_their_truncation_error() -> None:
 
 
 @pytest.mark.slow
+def test_modes_are_known_where_few_lines_are() -> None:
+    """Noise of 5 %: most lines are not usable, and the modes are as exact as all of them together."""
+    rng = np.random.default_rng(5)
+    lines = LINES[::2]
+    observed = at_two_places(make_blank(), 0.07, sd=0.05, rng=rng, lines=lines)
+    assert identify_spindle(observed, allow_mismatch=True).usable.mean() < 0.5
+    fit = fit_spindle(observed)
+    assert fit.identification is not None
+    assert fit.identification.converged
+    assert 0.9 < fit.identification.rms < 1.1
+    machine = Assembly([*make_blank(0.15).elements.values(), fit.part])
+    asked = lines[5:-5:10]
+    error = np.log(np.abs(machine.receptance(asked) / with_spindle(make_blank(0.15), make_spindle()).receptance(asked)))
+    assert np.median(np.abs(error)) < 0.02
+    assert np.median(np.abs(error) / fit.standard_deviation(machine, asked)) < 1.5
+
+
+@pytest.mark.slow
 def test_modes_are_fitted_to_the_responses() -> None:
     rng = np.random.default_rng(5)
     observed = at_two_places(make_blank(), 0.07, sd=0.01, rng=rng, lines=LINES[::2])

@@ -133,8 +133,8 @@ def fit_spindle(
     all parameters. Its start is that of a spindle that was never measured alone (`receptance.coupling.unknown_modes`):
     modes are added one at a time.
 
-    Without a number of modes the evidence of the responses chooses it (`receptance.coupling.stabilisation`). Modes
-    above the band represent those there.
+    Without a number of modes the evidence of the responses chooses it (`receptance.coupling.stabilisation`), or it is
+    the next lower one with which the fit converges. Modes above the band represent those there.
 
     Parameters
     ----------
@@ -196,11 +196,12 @@ def fit_spindle(
     start = _start(name, count)
     coupled = _coupled(observed, start)
     fit = identify(coupled, unknowns, starts=1, tolerances=errors, threads=threads, noise="stated")
-    if not fit.converged:
-        # Modes above the band have long valleys.
-        unknowns = [replace(unknown, start=fit.values[unknown.address]) for unknown in unknowns]
-        errors = [replace(error, start=fit.values[error.name]) for error in errors]
-        fit = identify(coupled, unknowns, starts=1, tolerances=errors, threads=threads, noise="stated")
+    if modes is None and not fit.converged and count > 1:
+        # Modes beside the band that the responses hardly show have valleys without an end.
+        for fewer in range(count - 1, 0, -1):
+            found = fit_spindle(observations, modes=fewer, name=name, tolerances=tolerances, threads=threads)
+            if found.identification is not None and found.identification.converged:
+                return found
     fitted = {address: f"{name}.{address}" for address in start.addresses}
     part = start.with_values({own: fit.values[address] for own, address in fitted.items() if address in fit.values})
     discrepancy = _discrepancy(_coupled(observed, part), part)
