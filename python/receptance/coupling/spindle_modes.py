@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from receptance.coupling.blanks import check_blanks
 from receptance.coupling.common_lines import check_observations, common_lines
 from receptance.coupling.unknown_modes import bounds_of_modes, start_modes
-from receptance.fit import Identification, Observation, Tolerance, identify
+from receptance.fit import Identification, Observation, Tolerance, Unknown, identify
 from receptance.fit.covariance import square_root
 from receptance.fit.observation import altered
 from receptance.model.assembly import Assembly
@@ -30,6 +31,8 @@ _SHARE = 0.6
 99 % for modes."""
 _STEPS = 200
 """Values at which its likelihood is computed."""
+_AT_BOUND = 1e-6
+"""Largest distance from a bound, as a share of the range, of a number that is at it."""
 _SYMMETRIC = 1e-9
 """Relative size below which an entry of a correlation, or an eigenvalue, is zero."""
 
@@ -223,17 +226,32 @@ def _start(name: str, count: int) -> ModalPart:
 def _covariance(fit: Identification, part: ModalPart) -> NDArray[np.float64]:
     """Return the covariance of the numbers of a part in SI units, zero for those that are not fitted.
 
-    Errors of the blanks are among its causes.
+    Errors of the blanks are among its causes. A number at its bound is held there: beyond it the model may have no value,
+    such as a negative damping ratio, and the others have their covariance with it held.
     """
     order, names = list(fit.values), [f"{part.name}.{quantity}" for quantity in part.addresses]
     rows = [i for i, name in enumerate(names) if name in fit.values]
     columns = [order.index(names[i]) for i in rows]
     values = np.array([fit.values[names[i]] for i in rows])
-    logarithmic = np.array([fit.unknowns[column].scale == "log" for column in columns])
+    unknowns = [fit.unknowns[column] for column in columns]
+    covariance = np.asarray(fit.covariance)[np.ix_(columns, columns)]
+    held = np.array([_is_at_bound(unknown, value) for unknown, value in zip(unknowns, values, strict=True)])
+    across = covariance[:, held]
+    covariance = covariance - across @ np.linalg.pinv(covariance[np.ix_(held, held)], hermitian=True) @ across.T
+    covariance[held] = covariance[:, held] = 0.0
+    logarithmic = np.array([unknown.scale == "log" for unknown in unknowns])
     slope = np.where(logarithmic, values * np.log(10.0), 1.0) * max(fit.rms, 1.0)
     result = np.zeros((len(names), len(names)))
-    result[np.ix_(rows, rows)] = np.asarray(fit.covariance)[np.ix_(columns, columns)] * np.outer(slope, slope)
+    result[np.ix_(rows, rows)] = covariance * np.outer(slope, slope)
     return result
+
+
+def _is_at_bound(unknown: Unknown, value: float) -> bool:
+    """Return whether the value of an unknown is at one of its bounds."""
+    low, high = float(unknown.lower), float(unknown.upper)
+    if unknown.scale == "log":
+        low, high, value = math.log(low), math.log(high), math.log(value)
+    return min(value - low, high - value) <= _AT_BOUND * (high - low)
 
 
 def mode_tolerances(part: ModalPart, covariance: ArrayLike) -> tuple[Tolerance, ...]:
