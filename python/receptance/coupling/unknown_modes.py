@@ -214,7 +214,8 @@ def start_modes(
         near = _NEAR * spindle.chi_square
         steps = part.steps(records.lines_hz, _residuals_on(spindle), records.about, near)
         fit, chosen = _fit_of_modes(part.name, steps, records, observed, by_evidence=by_evidence)
-        values = records.named(fit.before)
+        # Modes far from the records move everything before the plane beyond the range of its linear effect.
+        values = records.named(fit.before if fit.chi_square < near else spindle.x)
         errors = [replace(tolerance, start=values[tolerance.name]) for tolerance in tolerances]
         return _turned([*_started(others, values), *part.started(fit)], name), errors, chosen
     records = records.thinned()
