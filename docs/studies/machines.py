@@ -125,7 +125,9 @@ def predict_short(machine: Machine, tool: Tool, spindle: SpindleReceptance) -> d
     at = peaks_of(true)
     highest = at[np.argmax(true[at])]
     lines, _, h, deviation = predict_by_line(machine, tool, spindle)["_curves"]
-    near = np.flatnonzero(np.abs(lines / fine[highest] - 1.0) < 0.01)
+    # Usable lines beside a peak without one on it do not show its height.
+    spacing = float(np.diff(np.asarray(spindle.frequency_hz).real).min())
+    near = np.flatnonzero(np.abs(lines - fine[highest]) <= spacing)
     row = {"tool": tool, "true_hz": float(fine[highest]), "known": bool(near.size)}
     if not near.size:
         return {**row, "magnitude_percent": np.nan, "deviation_percent": np.nan}
