@@ -226,8 +226,8 @@ def _start(name: str, count: int) -> ModalPart:
 def _covariance(fit: Identification, part: ModalPart) -> NDArray[np.float64]:
     """Return the covariance of the numbers of a part in SI units, zero for those that are not fitted.
 
-    Errors of the blanks are among its causes. A number at its bound is held there: beyond it the model may have no value,
-    such as a negative damping ratio, and the others have their covariance with it held.
+    Errors of the blanks are among its causes. A number at its bound is held there: beyond it the model may have no
+    value, such as a negative damping ratio, and the others have their covariance with it held.
     """
     order, names = list(fit.values), [f"{part.name}.{quantity}" for quantity in part.addresses]
     rows = [i for i, name in enumerate(names) if name in fit.values]
