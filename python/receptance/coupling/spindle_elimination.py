@@ -279,10 +279,17 @@ class SpindleRecords:
             better = lower < cost[poor]
             entries[poor[better]], cost[poor[better]] = other[better], lower[better]
 
-    def about(self, x: NDArray[np.float64], entries: NDArray[np.complex128]) -> SpindleLines:
-        """Return the records about a spindle with these entries `(n, 3)`; raise where the model has no value."""
-        equations = self.equations(x)
-        return self._about(x, equations, entries, np.isfinite(equations.cost(entries)))
+    def about(self, x: NDArray[np.float64], entries: NDArray[np.complex128]) -> SpindleLines | None:
+        """Return the records about a spindle with these entries `(n, 3)` and the variables within their bounds.
+
+        None where the model has no value there: a linear effect may lead to a negative length.
+        """
+        x = np.clip(x, *self._task.variables.limits)
+        try:
+            equations = self.equations(x)
+            return self._about(x, equations, entries, np.isfinite(equations.cost(entries)))
+        except ReceptanceError:
+            return None
 
     def _about_best(self, x: NDArray[np.float64]) -> SpindleLines:
         """Return the records about the spindle that explains them best; raise where the model has no value."""

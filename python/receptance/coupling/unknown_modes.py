@@ -215,7 +215,8 @@ def start_modes(
         steps = part.steps(records.lines_hz, _residuals_on(spindle), records.about, near)
         fit, chosen = _fit_of_modes(part.name, steps, records, observed, by_evidence=by_evidence)
         # Modes far from the records move everything before the plane beyond the range of its linear effect.
-        values = records.named(fit.before if fit.chi_square < near else spindle.x)
+        about = records.about(fit.before, fit.entries) if fit.chi_square < near else None
+        values = records.named(spindle.x if about is None else about.x)
         errors = [replace(tolerance, start=values[tolerance.name]) for tolerance in tolerances]
         return _turned([*_started(others, values), *part.started(fit)], name), errors, chosen
     records = records.thinned()
@@ -327,7 +328,7 @@ class _Modes:
         self,
         lines_hz: NDArray[np.inexact],
         residuals_on: Callable[[NDArray[np.intp]], SpindleResiduals],
-        about: Callable[[NDArray[np.float64], NDArray[np.complex128]], SpindleLines] | None = None,
+        about: Callable[[NDArray[np.float64], NDArray[np.complex128]], SpindleLines | None] | None = None,
         near: float = 0.0,
     ) -> Iterator[FittedModes]:
         """Yield the fits of no mode, of one and so on.
@@ -341,16 +342,17 @@ class _Modes:
         residuals_on : callable
             Returns the residuals on some of the lines.
         about : callable, optional
-            Returns the records about variables before the plane and entries of the spindle. Further fits are about
-            those of a fit whose chi-square is below `near`.
+            Returns the records about variables before the plane and entries of the spindle, or None where the model
+            has no value. Further fits are about those of a fit whose chi-square is below `near`.
         """
         on_all, on_some = self._growths(lines_hz, residuals_on)
         fit = on_all.first([getattr(self.part, quantity) for quantity in RESIDUALS])
         yield fit
         for _ in self.part.modes:
             fit = on_all.fitted(on_some.with_next(fit))
-            if about is not None and fit.chi_square < near:
-                residuals_on = _residuals_on(about(fit.before, fit.entries))
+            lines = about(fit.before, fit.entries) if about is not None and fit.chi_square < near else None
+            if lines is not None:
+                residuals_on = _residuals_on(lines)
                 on_all, on_some = self._growths(lines_hz, residuals_on)
                 fit = on_all.fitted(fit)
             yield fit
