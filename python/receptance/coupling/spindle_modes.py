@@ -226,7 +226,7 @@ def _start(name: str, count: int) -> ModalPart:
 def _covariance(fit: Identification, part: ModalPart) -> NDArray[np.float64]:
     """Return the covariance of the numbers of a part in SI units, zero for those that are not fitted.
 
-    Errors of the blanks are among its causes. A number at its bound is held there: beyond it the model may have no
+    Errors of the blanks are among its causes. A number at its lower bound is held there: below it the model may have no
     value, such as a negative damping ratio, and the others have their covariance with it held.
     """
     order, names = list(fit.values), [f"{part.name}.{quantity}" for quantity in part.addresses]
@@ -235,7 +235,7 @@ def _covariance(fit: Identification, part: ModalPart) -> NDArray[np.float64]:
     values = np.array([fit.values[names[i]] for i in rows])
     unknowns = [fit.unknowns[column] for column in columns]
     covariance = np.asarray(fit.covariance)[np.ix_(columns, columns)]
-    held = np.array([_is_at_bound(unknown, value) for unknown, value in zip(unknowns, values, strict=True)])
+    held = np.array([_is_lowest(unknown, value) for unknown, value in zip(unknowns, values, strict=True)])
     across = covariance[:, held]
     covariance = covariance - across @ np.linalg.pinv(covariance[np.ix_(held, held)], hermitian=True) @ across.T
     covariance[held] = covariance[:, held] = 0.0
@@ -246,12 +246,11 @@ def _covariance(fit: Identification, part: ModalPart) -> NDArray[np.float64]:
     return result
 
 
-def _is_at_bound(unknown: Unknown, value: float) -> bool:
-    """Return whether the value of an unknown is at one of its bounds."""
-    low, high = float(unknown.lower), float(unknown.upper)
-    if unknown.scale == "log":
-        low, high, value = math.log(low), math.log(high), math.log(value)
-    return min(value - low, high - value) <= _AT_BOUND * (high - low)
+def _is_lowest(unknown: Unknown, value: float) -> bool:
+    """Return whether the value of an unknown that is positive is at its lower bound."""
+    return unknown.scale == "log" and math.log(value / unknown.lower) <= _AT_BOUND * math.log(
+        unknown.upper / unknown.lower
+    )
 
 
 def mode_tolerances(part: ModalPart, covariance: ArrayLike) -> tuple[Tolerance, ...]:
