@@ -20,6 +20,7 @@ from machine_spindle import (
     with_spindle,
 )
 from receptance import (
+    STEEL,
     Assembly,
     Coordinate,
     GroundSpring,
@@ -27,8 +28,10 @@ from receptance import (
     ModalPart,
     Mode,
     Observation,
+    Part,
     PointMass,
     ReceptanceWarning,
+    Segment,
 )
 from receptance.coupling import fit_spindle, identify_spindle, rotations, spindle_of
 from receptance.coupling.line_bands import bands_of
@@ -232,6 +235,33 @@ def test_spindle_by_differences_has_their_truncation_error() -> None:
     assert relative_error(by_differences.matrix, directly.usable) > 0.02
     # An error of this size has no standard deviation of first order.
     assert by_differences.usable.mean() < 0.1
+
+
+def test_a_number_at_its_lower_bound_has_no_error() -> None:
+    """Errors of a damping ratio at its bound would make it negative, where an assembly has no value."""
+    blank = Part([Segment(length=0.1, outer_diameter=0.05, material=STEEL)], name="blank")
+    mode = Mode(frequency_hz=900.0, damping_ratio=2e-4, y=0.2, theta=1.0)
+    true = ModalPart(modes=[mode], residual_y=5e-9, residual_theta=5e-7, residual_ytheta=2e-8)
+    lines, places = np.arange(200.0, 2000.0, 20.0), [Coordinate("blank", 0.0), Coordinate("blank", 0.07)]
+    noise = np.exp(0.01 * np.random.default_rng(7).standard_normal((lines.size, 2, 2)))
+    h = Assembly([blank, true]).receptance(lines, response=places, excitation=places) * noise
+    observed = [
+        Observation(
+            assembly=Assembly([blank]),
+            frequency_hz=lines,
+            receptance=h[:, i, j],
+            standard_deviation=0.01,
+            response=places[i],
+            excitation=places[j],
+        )
+        for i, j in ((0, 0), (1, 0), (1, 1))
+    ]
+    fit = fit_spindle(observed, modes=1)
+    at = fit.part.addresses.index("mode[0].damping_ratio")
+    assert fit.part.modes[0].damping_ratio == pytest.approx(1e-3)
+    assert not fit.covariance[at].any()
+    assert fit.covariance[fit.part.addresses.index("mode[0].frequency_hz")].any()
+    assert not any("spindle.mode[0].damping_ratio" in error.moves for error in fit.tolerances)
 
 
 @pytest.mark.slow

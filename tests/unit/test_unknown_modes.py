@@ -294,3 +294,21 @@ def test_draws_of_modes_that_only_together_are_determined() -> None:
     predictor = replace(fit.predictor, values=shape, covariance=covariance, root=root)
     predicted = predictor.at(observation.site(0)).receptance(LINES, **tip, draws=200, seed=SEED)
     assert np.std(np.log(np.abs(predicted.drawn / predicted.receptance)), axis=0).max() < 0.02
+
+
+def test_records_are_linear_only_where_the_model_has_a_value() -> None:
+    """A linear effect may lead to a negative length, or beyond the bounds of an error."""
+    length = Tolerance(name="length", moves={"tool.segment[0].length": 0.012})
+    spindle_records = SpindleRecords.of(records(), joint(1.0), "spindle", [DIAMETER, length])
+    assert spindle_records is not None
+    lines = spindle_records.eliminated(seed=0)
+    assert lines is not None
+    diameter, tool = (list(spindle_records.named(lines.x)).index(name) for name in ("diameter", "length"))
+    far = lines.x.copy()
+    far[diameter] = 50.0
+    inside = spindle_records.about(far, lines.entries)
+    assert inside is not None
+    assert inside.x[diameter] == 8.0
+    # 80 mm less 8 times 12 mm.
+    far[tool] = -50.0
+    assert spindle_records.about(far, lines.entries) is None

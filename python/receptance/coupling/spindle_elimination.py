@@ -288,7 +288,7 @@ class SpindleRecords:
         try:
             equations = self.equations(x)
             return self._about(x, equations, entries, np.isfinite(equations.cost(entries)))
-        except ReceptanceError:
+        except (ReceptanceError, ValueError):
             return None
 
     def _about_best(self, x: NDArray[np.float64]) -> SpindleLines:
