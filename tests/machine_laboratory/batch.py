@@ -62,6 +62,18 @@ def indices(options: argparse.Namespace) -> list[int]:
     return [i for i in range(options.cases) if not options.only or i in options.only]
 
 
+def finished_and_left(options: argparse.Namespace, seed: int, **settings: object) -> tuple[dict[int, Row], list[Row]]:
+    """Return the finished cases of a batch by number, and the arguments of those that are left, with these settings."""
+    chosen = indices(options)
+    rows = {
+        row["index"]: row
+        for row in read_rows(options.resume)
+        if row["seed"] == seed and row["modes"] == options.modes and row["index"] in chosen
+    }
+    common = {"seed": seed, "modes": options.modes, "threads": options.threads, **settings}
+    return rows, [{**common, "index": i} for i in chosen if i not in rows]
+
+
 def read_rows(path: Path | None) -> list[Row]:
     """Return the finished cases of a file; a line that an interrupted run left open is skipped."""
     if path is None or not path.exists():

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from machine_laboratory.batch import Row, append_row, indices, read_rows, run, seed_of, share
+from machine_laboratory.batch import Row, append_row, finished_and_left, read_rows, run, seed_of, share
 from machine_laboratory.generator import Machine, draw_machine, spindle_modes, write
 
 Bounded = dict[str, tuple[float, float, float]]
@@ -42,17 +42,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> int:
     """Run all machines and print a line for each, then the totals."""
     seed = seed_of(options)
-    chosen = indices(options)
-    rows = {
-        row["index"]: row
-        for row in read_rows(options.resume)
-        if row["seed"] == seed and row["modes"] == options.modes and row["index"] in chosen
-    }
-    left = [
-        {"seed": seed, "index": i, "modes": options.modes, "threads": options.threads, "profiles": options.profiles}
-        for i in chosen
-        if i not in rows
-    ]
+    rows, left = finished_and_left(options, seed, profiles=options.profiles)
     for case, result in run(fit, left, jobs=options.jobs, limit=options.limit):
         row = rows[case["index"]] = {**case, **result}
         append_row(options.resume, row)

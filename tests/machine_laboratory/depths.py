@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from machine_laboratory.batch import Row, append_row, indices, read_rows, run, seed_of, share
+from machine_laboratory.batch import Row, append_row, finished_and_left, run, seed_of, share
 from machine_laboratory.generator import Cut, Machine, draw_machine, stable_limit, write
 from machine_laboratory.generator.structure import Numbers, receptances
 
@@ -30,16 +30,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> int:
     """Run all machines and print a line for each cut, then the totals."""
     seed = seed_of(options)
-    chosen = indices(options)
-    rows = {
-        row["index"]: row
-        for row in read_rows(options.resume)
-        if row["seed"] == seed and row["modes"] == options.modes and row["index"] in chosen
-    }
+    rows, left = finished_and_left(options, seed)
     sys.stdout.write(f"{HEADER}\n" + "".join(f"{line}\n" for row in rows.values() for line in _lines(row)))
-    left = [
-        {"seed": seed, "index": i, "modes": options.modes, "threads": options.threads} for i in chosen if i not in rows
-    ]
     for case, result in run(recommend, left, jobs=options.jobs, limit=options.limit):
         row = rows[case["index"]] = {**case, **result}
         append_row(options.resume, row)

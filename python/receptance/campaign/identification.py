@@ -441,7 +441,7 @@ def level_unit(table: SeriesTable) -> tuple[str, float]:
     Examples
     --------
     >>> from receptance.campaign.identification import level_unit
-    >>> from receptance.campaign.schema import AutomaticModes, SeriesTable
+    >>> from receptance.campaign.schema import SeriesTable
     >>> level_unit(SeriesTable(over="drawbar force", levels=["0 kN", "5 kN"]))
     ('kN', 1000.0)
     """

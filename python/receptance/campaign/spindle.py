@@ -267,11 +267,12 @@ def spindle_of_campaign(
                 list(used.values()), modes=modes, name=title, tolerances=errors, threads=campaign.threads
             )
         checked = tuple(_check(campaign, m, record, receptances, fitted) for m, record in held_out.items())
-    own = [
+    notes_of_fits = [
         *receptances.notes,
         *(() if fitted is None or fitted.identification is None else fitted.identification.notes),
     ]
-    notes = [*campaign.notes, *(note for note in own if not any(one.endswith(note) for one in campaign.notes))]
+    fresh = (note for note in notes_of_fits if not any(text.endswith(note) for text in campaign.notes))
+    notes = [*campaign.notes, *fresh]
     return SpindleIdentification(
         name=title,
         table=receptances,
@@ -300,10 +301,10 @@ def _hits_for_half(
         quieter = [altered(o, standard_deviation=np.asarray(o.standard_deviation) / np.sqrt(hits)) for o in observed]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ReceptanceWarning)
-            found = identify_spindle(
+            spindle = identify_spindle(
                 quieter, limit=table.limit, tolerances=errors, allow_mismatch=True, threads=campaign.threads
             )
-        if np.mean(found.usable[others]) >= 0.5:
+        if np.mean(spindle.usable[others]) >= 0.5:
             return hits
     return None
 
@@ -323,19 +324,19 @@ def chosen_spindle(campaign: CampaignData, name: str | None) -> str:
 def _check(
     campaign: CampaignData, name: str, record: Observation, table: SpindleReceptance, modes: SpindleModes | None
 ) -> CheckedRecord | None:
-    """Compare a held-out record with the prediction by the spindle on the lines on which this is covered_record."""
+    """Compare a held-out record with the prediction by the spindle on the lines that the spindle covers."""
     part = table.part() if modes is None else modes.part
     errors: list[Tolerance] = [*campaign.errors_of([name]), *(() if modes is None else modes.tolerances)]
-    covered_record = record.select(part.covers(record.frequency_hz.real))
-    if not covered_record.frequency_hz.size:
+    covered = record.select(part.covers(record.frequency_hz.real))
+    if not covered.frequency_hz.size:
         return None
-    blank = covered_record.assembly
+    blank = covered.assembly
     machine = Assembly([*blank.elements.values(), part], blank.attachments.values())
-    predicted = Predictor(threads=campaign.threads).at(Site(machine, covered_record.configuration, name), errors)
-    frf = predicted.receptance(covered_record.frequency_hz, covered_record.response, covered_record.excitation)
-    ratio = np.log(covered_record.receptance / frf.receptance)
+    predicted = Predictor(threads=campaign.threads).at(Site(machine, covered.configuration, name), errors)
+    frf = predicted.receptance(covered.frequency_hz, covered.response, covered.excitation)
+    ratio = np.log(covered.receptance / frf.receptance)
     assert frf.phase_scatter is not None
-    noise = np.asarray(covered_record.standard_deviation) if covered_record.weighted else np.zeros(ratio.size)
+    noise = np.asarray(covered.standard_deviation) if covered.weighted else np.zeros(ratio.size)
     off = np.stack(
         [ratio.real / np.hypot(frf.scatter.total, noise), ratio.imag / np.hypot(frf.phase_scatter.total, noise)]
     )

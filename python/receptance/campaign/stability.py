@@ -111,13 +111,14 @@ class Tips:
         if not self._has_modes:
             return None
         lines = np.geomspace(self.lines[-1], _ABOVE * self.lines[-1], _LINES_ABOVE)
-        fitted = [_beyond_band(one.assembly) for one in self._predicted]
-        found = []
-        for assemblies in (fitted, [_static_above(one, float(self.lines[-1])) for one in fitted]):
-            several = [one.receptance(lines, threads=self._threads) for one in assemblies]
-            depth = critical_depths(cut, lines, self._matrix(several))[0].min(axis=1)
-            found.append((float(depth.min()), float(lines[np.argmin(depth)])))
-        return max(found)
+        fitted = [_beyond_band(source.assembly) for source in self._predicted]
+        static = [_static_above(assembly, float(self.lines[-1])) for assembly in fitted]
+        limits = []
+        for assemblies in (fitted, static):
+            receptances = [assembly.receptance(lines, threads=self._threads) for assembly in assemblies]
+            depth = critical_depths(cut, lines, self._matrix(receptances))[0].min(axis=1)
+            limits.append((float(depth.min()), float(lines[np.argmin(depth)])))
+        return max(limits)
 
     @property
     def _predicted(self) -> list[PredictedAssembly]:
@@ -130,12 +131,11 @@ class Tips:
         """
         dense = np.linspace(lines[0], lines[-1], _DENSER * lines.size)
         path = np.zeros(dense.size - 1)
-        for one in self._predicted:
-            steps = np.abs(np.diff(np.log(one.assembly.receptance(dense, threads=self._threads))))
+        for source in self._predicted:
+            steps = np.abs(np.diff(np.log(source.assembly.receptance(dense, threads=self._threads))))
             path += steps + np.mean(steps)
-        way = np.concatenate([[0.0], np.cumsum(path)])
-        found: NDArray[np.float64] = np.interp(np.linspace(0.0, way[-1], lines.size), way, dense)
-        return found
+        length = np.concatenate([[0.0], np.cumsum(path)])
+        return np.asarray(np.interp(np.linspace(0.0, length[-1], lines.size), length, dense), dtype=np.float64)
 
     def beyond_lines(self) -> tuple[str, ...]:
         """Return for each direction of the tips that the lines do not contain its mode, and what to do."""
@@ -285,7 +285,7 @@ def _static_above(assembly: Assembly, highest_hz: float) -> Assembly:
     for i, mode in enumerate(spindle.modes):
         if mode.frequency_hz > highest_hz:
             static = mode.entries(np.array([_STATIC * highest_hz]))[0].real
-            residual = {name: value + float(one) for (name, value), one in zip(residual.items(), static, strict=True)}
+            residual = {name: value + float(more) for (name, value), more in zip(residual.items(), static, strict=True)}
             changes |= {f"{spindle.name}.mode[{i}].{name}": 0.0 for name in _SHAPE}
     changes |= {f"{spindle.name}.{name}": getattr(spindle, name) + value for name, value in residual.items()}
     return assembly.replace(changes)

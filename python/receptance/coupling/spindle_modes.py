@@ -177,34 +177,31 @@ def fit_spindle(
     observed = check_observations(tuple(observations))
     check_blanks(observed)
     _, lines, _, _ = common_lines(observed)
-    given: list[dict[str, float]]
-    if modes is None:
-        given = [{} for _ in range(_MOST_MODES)]
-    elif isinstance(modes, int):
-        given = [{} for _ in range(modes)]
+    if modes is None or isinstance(modes, int):
+        described: list[dict[str, float]] = [{}] * (_MOST_MODES if modes is None else modes)
     else:
-        given = [*({"frequency_hz": float(frequency)} for frequency in modes), {}]
-    start = _start(name, len(given))
+        described = [*({"frequency_hz": float(frequency)} for frequency in modes), {}]
+    start = _start(name, len(described))
     coupled = _coupled(observed, start)
     unknowns, errors, _ = start_modes(
         coupled,
-        bounds_of_modes(name, given, {}, coupled),
+        bounds_of_modes(name, described, {}, coupled),
         name,
         by_evidence=modes is None,
         tolerances=tuple(tolerances),
         threads=threads,
     )
     started = {unknown.address for unknown in unknowns}
-    count = sum(f"{name}.mode[{index}].frequency_hz" in started for index in range(len(given)))
+    count = sum(f"{name}.mode[{index}].frequency_hz" in started for index in range(len(described)))
     start = _start(name, count)
     coupled = _coupled(observed, start)
     fit = identify(coupled, unknowns, starts=1, tolerances=errors, threads=threads, noise="stated")
     if modes is None and not fit.converged and count > 1:
         # Modes beside the band that the responses hardly show have valleys without an end.
         for fewer in range(count - 1, 0, -1):
-            found = fit_spindle(observations, modes=fewer, name=name, tolerances=tolerances, threads=threads)
-            if found.identification is not None and found.identification.converged:
-                return found
+            spindle = fit_spindle(observations, modes=fewer, name=name, tolerances=tolerances, threads=threads)
+            if spindle.identification is not None and spindle.identification.converged:
+                return spindle
     fitted = {address: f"{name}.{address}" for address in start.addresses}
     part = start.with_values({own: fit.values[address] for own, address in fitted.items() if address in fit.values})
     discrepancy = _discrepancy(_coupled(observed, part), part)

@@ -352,8 +352,7 @@ class Search:
 
     def _is_tried(self, ids: frozenset[str]) -> bool:
         """Return whether causes were fitted together."""
-        own = self.selection
-        return any(one.ids == ids for one in (*own.tried, *own.explanations))
+        return any(each.ids == ids for each in (*self.selection.tried, *self.selection.explanations))
 
     def _predicts_nothing_beside(self, root: Explanation) -> bool:
         """Return whether no other cause is predicted to have evidence beside an adequate explanation by one cause."""

@@ -242,14 +242,15 @@ class Identification(Result):
     def predictor(self) -> Predictor:
         """Predictor of other assemblies from the posterior of the fit."""
         values = np.array(list(self.values.values()))
-        has_lost = self.known_scatter and not np.isfinite(self.covariance).all()
+        # Variables that the data do not determine have no covariance; combinations of them may be determined.
+        is_incomplete = self.known_scatter and not np.isfinite(self.covariance).all()
         return Predictor(
             self.task.parameters,
             values,
             self.covariance,
             self.scatter_freedom,
             self.task.threads,
-            root=self.task.problem().curvature_root(self.vector) if has_lost else None,
+            root=self.task.problem().curvature_root(self.vector) if is_incomplete else None,
             discrepancy=self.discrepancy,
         )
 

@@ -596,19 +596,19 @@ def limited_above(lobes: Lobes, depth: float, chatter_hz: float, highest_hz: flo
     is_lower = lobes.depth > depth
     if lobes.rejection.unusable or (not is_lower.any() and lobes.draws is None):
         return lobes
-    found = replace(
+    limited = replace(
         lobes, depth=np.minimum(lobes.depth, depth), chatter_hz=np.where(is_lower, chatter_hz, lobes.chatter_hz)
     )
     if lobes.draws is not None:
         errors = np.random.default_rng([seed, 3]).standard_normal(len(lobes.draws))
-        found = with_draws(found, np.minimum(lobes.draws, depth * np.exp(_ERROR_ABOVE * errors)[:, None]))
+        limited = with_draws(limited, np.minimum(lobes.draws, depth * np.exp(_ERROR_ABOVE * errors)[:, None]))
     if not is_lower.any():
-        return found
+        return limited
     text = (
         f"above the lines, which end at {highest_hz:.0f} Hz, the model chatters from {1e3 * depth:.2g} mm "
         f"({chatter_hz:.0f} Hz): no larger depth is stated; measure up to {1.2 * chatter_hz:.0f} Hz to use deeper lobes"
     )
-    return replace(found, notes=(*found.notes, text))
+    return replace(limited, notes=(*limited.notes, text))
 
 
 def with_rejection(lobes: Lobes, rejection: Rejection) -> Lobes:
