@@ -18,6 +18,7 @@ from receptance.diagnosis.model import Model
 from receptance.fit import Predictor
 from receptance.fit.parameters import Site
 from receptance.model.beams import Material
+from receptance.stability import Lobes, critical_depths
 
 STEEL = Material(name="steel", youngs_modulus=210e9, density=7850.0, poisson_ratio=0.3, loss_factor=0.002)
 LINES = np.arange(300.0, 3000.0, 10.0)
@@ -266,6 +267,52 @@ def test_the_records_choose_the_number_of_modes(tmp_path: Path) -> None:
     longer = loaded.predict(fit).frfs[-1]
     true = true_machine(0.085).receptance(longer.frequency_hz)
     assert np.sqrt(np.mean(np.abs(np.log(longer.receptance / true)) ** 2)) < 0.1
+    assert not any("not identified" in note for note in loaded.predict(fit).notes)
+
+
+def critical_depth(lobes: Lobes, machine: Assembly, lowest_hz: float) -> float:
+    """Return the least depth in m at which a machine chatters above a frequency, the same in both directions."""
+    lines = np.linspace(lowest_hz, 2.5 * lowest_hz, 20000)
+    matrix = machine.receptance(lines)[:, None, None] * np.eye(2)
+    return float(critical_depths(lobes.cut, lines, matrix)[0].min())
+
+
+def test_a_measured_mode_above_the_lines_of_a_prediction_limits_the_depth(tmp_path: Path) -> None:
+    text = AUTOMATIC.replace("starts = 4", "starts = 1")
+    text += FURTHER.replace('upper = "2.9 kHz"\nstep = "20 Hz"', 'upper = "1.5 kHz"\nstep = "20 Hz"')
+    modes = (MODES[0], Mode(frequency_hz=1900.0, damping_ratio=0.01, y=0.6, theta=-4.0))
+    loaded = write_campaign(tmp_path, text.replace('"6000 rpm"', '"20000 rpm"'), modes=modes, step=4)
+    fit = loaded.identify()
+    lobes = loaded.stability(fit)["roughing"]
+    limit = critical_depth(lobes, loaded.assemblies["longer"].replace(fit.values), 1500.0)
+    assert lobes.depth.max() == pytest.approx(limit, rel=0.01)
+    assert any("above the lines, which end at 1500 Hz" in note for note in lobes.notes)
+
+
+def test_a_mode_above_what_was_measured_counts_with_and_without_its_resonance(tmp_path: Path) -> None:
+    """It stands for all others, whose resonances are elsewhere: the larger one of two limits counts."""
+    above = Mode(frequency_hz=3500.0, damping_ratio=0.02, y=0.35, theta=-2.8)
+    text = AUTOMATIC.replace("modes = [{}, {}]", "modes = 3").replace("starts = 4", "starts = 1")
+    text += FURTHER.replace('"3000 rpm", "6000 rpm"', '"10000 rpm", "20000 rpm"')
+    loaded = write_campaign(tmp_path, text, modes=(*MODES, above), step=4)
+    fit = loaded.identify()
+    lobes = loaded.stability(fit)["roughing"]
+    machine = loaded.assemblies["longer"].replace(fit.values)
+    *front, spindle = machine.elements.values()
+    assert isinstance(spindle, ModalPart)
+    (high,) = [mode for mode in spindle.modes if mode.frequency_hz > 2900.0]
+    w = 2.0 * np.pi * high.frequency_hz
+    static = replace(
+        spindle,
+        modes=[mode for mode in spindle.modes if mode is not high],
+        residual_y=spindle.residual_y + high.y**2 / w**2,
+        residual_theta=spindle.residual_theta + high.theta**2 / w**2,
+        residual_ytheta=spindle.residual_ytheta + high.y * high.theta / w**2,
+    )
+    smaller, larger = sorted(critical_depth(lobes, Assembly([*front, end]), 2900.0) for end in (spindle, static))
+    assert smaller < 0.7 * larger
+    assert smaller < 0.8 * lobes.depth.max()
+    assert lobes.depth.max() <= larger
 
 
 def test_a_stated_number_of_modes_is_compared_with_the_records(tmp_path: Path) -> None:

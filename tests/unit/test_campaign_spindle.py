@@ -92,6 +92,23 @@ def test_from_records_to_lobes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
     assert [frf.name for frf in loaded.predict(fit).frfs] == ["longer"]
 
 
+def test_the_advised_hits_make_lines_usable(tmp_path: Path) -> None:
+    print(f"seed {SEED}")
+    few, more = tmp_path / "few", tmp_path / "more"
+    few.mkdir()
+    more.mkdir()
+    write_campaign(few, sd=0.05, seed=SEED, lines=COARSE)
+    spindle = campaign.load(few, unidentified=True).spindle()
+    others = ~spindle.table.usable
+    assert others.mean() > 0.2
+    assert spindle.hits_for_half is not None
+    assert spindle.hits_for_half > 1
+    assert f"With {spindle.hits_for_half} times the hits half" in " ".join(spindle.warnings())
+    write_campaign(more, sd=0.05 / np.sqrt(spindle.hits_for_half), seed=SEED + 1, lines=COARSE)
+    usable = campaign.load(more, unidentified=True).spindle().table.usable
+    assert 0.35 < usable[others].mean() < 0.9
+
+
 @pytest.mark.slow
 def test_modes_go_into_a_campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     print(f"seed {SEED}")

@@ -205,14 +205,14 @@ class CampaignData(Renderable):
     @property
     def highest_frequency(self) -> float | None:
         """Upper limit of predictions in Hz: `prediction.upper`, else the highest measured frequency, else None."""
-        measured = [float(observation.frequency_hz[-1].real) for observation in self.measurements.values()]
-        upper = self.table.prediction.upper
-        return max(measured, default=None) if upper is None else upper
+        upper, measured = self.table.prediction.upper, self.measured_band
+        return upper if upper is not None or measured is None else measured[1]
 
     @property
-    def lowest_measured(self) -> float | None:
-        """The lowest measured frequency in Hz; None without measurements."""
-        return min((float(one.frequency_hz[0].real) for one in self.measurements.values()), default=None)
+    def measured_band(self) -> tuple[float, float] | None:
+        """Lowest and highest measured frequency in Hz; None without measurements."""
+        ends = [observation.frequency_hz[[0, -1]].real for observation in self.measurements.values()]
+        return (float(np.min(ends)), float(np.max(ends))) if ends else None
 
     def site(self, name: str) -> Site:
         """Return an assembly with its configuration and conditions, for laws and tolerances."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance.campaign.data import CampaignData
-from receptance.campaign.identification import identify_campaign
+from receptance.campaign.identification import identify_campaign, parts_to_start
 from receptance.campaign.problems import CampaignError, errors_about
 from receptance.fit import Identification, PredictedMode, Scatter, Tolerance
 from receptance.fit.covariance import UNINFORMATIVE, confidence_multiplier
@@ -309,8 +309,15 @@ def predict_assembly(
     identifiable = {address for unknown in identified.task.parameters.given for address in unknown.addresses}
     if not any(covered(address, site.assembly) for address in identifiable):
         notes.append(f"{name}: the assembly has none of the identified parameters")
-    unknown_addresses = [address for unknown in campaign.unknowns for address in unknown.addresses]
-    rest = [address for address in unknown_addresses if address not in identifiable and covered(address, site.assembly)]
+    # Modes that the records do not show are left out of the fit, and have no effect.
+    by_mode = tuple(f"{part}." for part in parts_to_start(campaign))
+    by_mode = tuple(part for part in by_mode if any(address.startswith(part) for address in identifiable))
+    rest = [
+        address
+        for unknown in campaign.unknowns
+        for address in unknown.addresses
+        if address not in identifiable and covered(address, site.assembly) and not address.startswith(by_mode)
+    ]
     if rest:
         notes.append(f"{name}: not identified and at start values: {', '.join(rest)}")
     return predicted
@@ -366,7 +373,7 @@ def prediction_lines(campaign: CampaignData, assembly: Assembly) -> NDArray[np.f
         lower = 0.1 * float(modes[0] if modes.size else upper)
     elif lower is None:
         # Modes of a spindle that were identified are known where they were measured.
-        lower = campaign.lowest_measured or upper / _LINES
+        lower = upper / _LINES if campaign.measured_band is None else campaign.measured_band[0]
     return lines_between(campaign, lower, upper, _LINES)
 
 

@@ -78,7 +78,7 @@ class Tips:
             if not self.lines.size:
                 raise ValueError(f"the spindle {source_of(spindle)} is known on none of the lines of the other tip")
         self._draws, self._seed = campaign.table.stability.number_of_draws, campaign.table.stability.seed
-        self._threads = campaign.threads
+        self._threads, self._measured_band = campaign.threads, campaign.measured_band
         self._sources: list[PredictedAssembly | _MeasuredTip] = []
         for tip, prediction in zip(each, predicted, strict=True):
             if prediction is not None:
@@ -104,21 +104,29 @@ class Tips:
         """Return the least depth in m at which the model chatters above the lines, and the frequency in Hz.
 
         None where the tip does not end with modes that were identified. Measurements do not show modes above their
-        lines, but a tool has some, and in lobes of much depth they chatter first. Modes of the spindle above the lines
-        stand for all others, and their resonances are not those of the machine: what counts is a mode that the tip has
-        with their receptances and with their static ones, at the larger one of the two depths.
+        lines, but a tool has some, and in lobes of much depth they chatter first. Modes of the spindle above what was
+        measured stand for all others, and their resonances are not those of the machine: what counts is a mode that the
+        tip has with their receptances and with their static ones, at the larger one of the two depths.
         """
         if not self._has_modes:
             return None
         lines = np.geomspace(self.lines[-1], _ABOVE * self.lines[-1], _LINES_ABOVE)
         fitted = [_beyond_band(source.assembly) for source in self._predicted]
-        static = [_static_above(assembly, float(self.lines[-1])) for assembly in fitted]
+        static = [
+            _static_above(assembly, self._highest_measured(source.assembly))
+            for assembly, source in zip(fitted, self._predicted, strict=True)
+        ]
         limits = []
         for assemblies in (fitted, static):
             receptances = [assembly.receptance(lines, threads=self._threads) for assembly in assemblies]
             depth = critical_depths(cut, lines, self._matrix(receptances))[0].min(axis=1)
             limits.append((float(depth.min()), float(lines[np.argmin(depth)])))
         return max(limits)
+
+    def _highest_measured(self, assembly: Assembly) -> float:
+        """Return the highest frequency in Hz at which the modes at the end of a tip were measured."""
+        band = _end_of(assembly).band_hz or self._measured_band
+        return float(self.lines[-1]) if band is None else float(band[1])
 
     @property
     def _predicted(self) -> list[PredictedAssembly]:
