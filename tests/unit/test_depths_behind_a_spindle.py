@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from receptance.fit.discrepancy import Discrepancy
-from receptance.fit.discrepancy_fit import settled_fit
-from receptance.fit.problem import COST_SETTLED, UNFINISHED, End
 from receptance.stability import Lobes, Milling, TipModes, stability_lobes
 from receptance.stability.lobes import limited_above
 
@@ -54,22 +52,3 @@ def test_no_standard_deviation_becomes_smaller_than_the_estimate() -> None:
     found = Discrepancy(2e-4, 0.01).at_least(Discrepancy(1e-4, 0.03, 0.1))
     assert found == Discrepancy(2e-4, 0.03, 0.1)
     assert Discrepancy(2e-4, None).at_least(Discrepancy(1e-4, None)) == Discrepancy(2e-4, None)
-
-
-class Falling:
-    """A problem whose cost falls by a share of the rest in each block, and which never converges by itself."""
-
-    def __init__(self, share: float, limit: float) -> None:
-        self.share, self.limit = share, limit
-
-    def fit_one(self, start: np.ndarray, most: int, **_: object) -> End:
-        cost = self.limit + (1.0 - self.share) * (start[0] - self.limit)
-        return End(np.array([cost]), cost, start[0], most, UNFINISHED, np.zeros((2, 2)))
-
-
-def test_a_fit_along_a_valley_settles_where_the_cost_hardly_falls() -> None:
-    end = settled_fit(Falling(0.8, 50.0), np.array([60.0]))
-    assert end.status == COST_SETTLED
-    # The last block lowered it by less than a quarter.
-    assert 50.0 < end.cost < 50.1
-    assert settled_fit(Falling(0.02, 0.0), np.array([1e6])).status == UNFINISHED

@@ -19,6 +19,10 @@ from receptance.diagnosis.truncation import truncation_time
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation
 
+_FURTHER_MODES = 1
+"""Modes of an unknown spindle beyond the number that its records choose. What a further mode would explain, too little
+to pay for it, must not be taken for a cause."""
+
 
 def base_model(campaign: CampaignData, seen: Mapping[str, Observation] | None = None) -> tuple[Model, list[str]]:
     """Return the model for a diagnosis, and notes on unknowns that are left out; see `Campaign.base_model`."""
@@ -53,7 +57,9 @@ def diagnose_campaign(
     by_mode = bool(parts_to_start(campaign))
     stabilised = Stabilisations({})
     if by_mode:
-        started = started_by_mode(campaign, model.observations, model.unknowns, model.tolerances)
+        started = started_by_mode(
+            campaign, model.observations, model.unknowns, model.tolerances, further=_FURTHER_MODES
+        )
         unknowns, tolerances, stabilised = started
         model = replace(model, unknowns=tuple(unknowns), tolerances=tuple(tolerances))
     settings = campaign.table.settings

@@ -211,10 +211,13 @@ def started_by_mode(
     observations: Sequence[Observation],
     unknowns: Sequence[Unknown],
     tolerances: Sequence[Tolerance],
+    *,
+    further: int = 0,
 ) -> tuple[list[Unknown], list[Tolerance], Stabilisations]:
     """Return unknowns and errors with the starts of a fit to which the modes of modal parts were added.
 
-    The last result has the modes of unknown spindles by their number.
+    Where the records choose the number of modes, there are `further` ones beyond it. The last result has the modes of
+    unknown spindles by their number.
     """
     settings = campaign.table.settings
     begun, errors = list(unknowns), list(tolerances)
@@ -229,6 +232,7 @@ def started_by_mode(
                 begun,
                 name,
                 by_evidence=by_evidence,
+                further=further,
                 tolerances=errors,
                 starts=settings.starts,
                 seed=settings.seed,

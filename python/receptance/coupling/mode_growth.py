@@ -359,7 +359,8 @@ class ModeGrowth:
         _, by_entry = self.residuals_of.of_entries(self._entries(modes)[0] + rest * self._entry_scale)
         scaled = by_entry * self._entry_scale
         lines = self.lines_hz.real
-        (low, high), (least, most) = self.bounds[index, :2]
+        (low, _), (least, most) = self.bounds[index, :2]
+        high = self.above[index, 0, 1]
         low, high = max(low, lines[lines > 0.0][0] / _BESIDE), min(high, lines[-1] * _BESIDE)
         tried: list[tuple[float, NDArray[np.float64]]] = []
         for frequency in np.geomspace(min(low, high), high, _POLES):

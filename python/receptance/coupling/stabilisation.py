@@ -51,6 +51,8 @@ class Stabilisation(Result):
     """The measurement of `magnitude`."""
     stated: int | None = None
     """The stated number of modes; None where the records choose it."""
+    further: int = 0
+    """Modes of the fit beyond the chosen number."""
     provenance: Provenance = field(default_factory=Provenance, repr=False)
     notes: tuple[str, ...] = ()
 
@@ -75,8 +77,8 @@ class Stabilisation(Result):
 
     @property
     def used(self) -> int:
-        """The number of modes of the fit: the stated one, else the chosen one."""
-        return self.chosen if self.stated is None else self.stated
+        """The number of modes of the fit: the stated one, else the chosen one with further ones."""
+        return min(self.chosen + self.further, len(self.fits) - 1) if self.stated is None else self.stated
 
     def stable(self, count: int) -> NDArray[np.bool_]:
         """Return which modes of a number, in the order of `fits`, are there with one mode fewer.

@@ -175,6 +175,7 @@ def start_modes(
     name: str,
     *,
     by_evidence: bool = False,
+    further: int = 0,
     tolerances: Sequence[Tolerance] = (),
     starts: int = 1,
     seed: int = 0,
@@ -187,8 +188,8 @@ def start_modes(
     spindle line by line. Observations without a common line leave the starts as they are.
 
     The third result has the modes by their number, None without a common line. With `by_evidence` the unknowns are
-    those of as many modes as the records show; the others of the part have no effect. Then a common line is needed
-    (`ReceptanceError`).
+    those of as many modes as the records show, and of `further` ones; the others of the part have no effect. Then a
+    common line is needed (`ReceptanceError`).
     """
     observed = list(observations)
     if not all(observation.weighted for observation in observed):
@@ -213,7 +214,7 @@ def start_modes(
     if spindle is not None:
         near = _NEAR * spindle.chi_square
         steps = part.steps(records.lines_hz, _residuals_on(spindle), records.about, near)
-        fit, chosen = _fit_of_modes(part.name, steps, records, observed, by_evidence=by_evidence)
+        fit, chosen = _fit_of_modes(part.name, steps, records, observed, by_evidence=by_evidence, further=further)
         # Modes far from the records move everything before the plane beyond the range of its linear effect.
         about = records.about(fit.before, fit.entries) if fit.chi_square < near else None
         values = records.named(spindle.x if about is None else about.x)
@@ -226,7 +227,7 @@ def start_modes(
     for x in records.starts(starts, seed):
         values = records.named(x)
         steps = part.steps(records.lines_hz, _of_equations(records.equations(x)))
-        fit, chosen = _fit_of_modes(part.name, steps, records, observed, by_evidence=by_evidence)
+        fit, chosen = _fit_of_modes(part.name, steps, records, observed, by_evidence=by_evidence, further=further)
         begun = [*_started(others, values), *part.started(fit)]
         errors = [replace(tolerance, start=values.get(tolerance.name, 0.0)) for tolerance in tolerances]
         task = Task(tuple(observed), Parameters(begun, errors, sites), tuple(units), threads=threads)
@@ -246,8 +247,9 @@ def _fit_of_modes(
     observed: Sequence[Observation],
     *,
     by_evidence: bool,
+    further: int,
 ) -> tuple[FittedModes, Stabilisation]:
-    """Return the fit of all modes, or of the number that the records show, and how these depend on the number."""
+    """Return the fit of all modes, or of the number that the records show and further ones, and all numbers of them."""
     frf = next(o for o in observed if o.is_receptance and name in o.assembly.elements)
     fits = up_to_least(steps, records.independent_values) if by_evidence else tuple(steps)
     stabilisation = Stabilisation(
@@ -259,6 +261,7 @@ def _fit_of_modes(
         magnitude=np.abs(frf.receptance),
         measured=frf.label,
         stated=None if by_evidence else len(fits) - 1,
+        further=further,
     )
     return fits[stabilisation.used], stabilisation
 
@@ -361,10 +364,9 @@ class _Modes:
         self, lines_hz: NDArray[np.inexact], residuals_on: Callable[[NDArray[np.intp]], SpindleResiduals]
     ) -> tuple[ModeGrowth, ModeGrowth]:
         """Return the growth of modes on all lines, and on those on which further modes are tried."""
-        bounds = self._bounds_of_modes
         residuals = [getattr(self.part, quantity) for quantity in RESIDUALS]
         limits = np.array([self._bounds(name, value) for name, value in zip(RESIDUALS, residuals, strict=True)])
-        above = self._above(bounds, float(lines_hz.real[-1]))
+        bounds, above = self._on_both_sides(_ABOVE * float(lines_hz.real[-1]))
 
         def growth(lines: NDArray[np.intp]) -> ModeGrowth:
             return ModeGrowth(
@@ -414,14 +416,18 @@ class _Modes:
         unknown = self.unknowns.get(f"{self.name}.{quantity}")
         return (value, value) if unknown is None else (unknown.lower, unknown.upper)
 
-    def _above(self, bounds: NDArray[np.float64], last: float) -> NDArray[np.float64]:
-        """Return the bounds of each mode where it is above the lines."""
-        above = bounds.copy()
-        for index in range(len(bounds)):
-            if np.all(bounds[index, :, 0] < bounds[index, :, 1]) and bounds[index, 0, 1] > _ABOVE * last:
-                above[index, 0, 0] = max(_ABOVE * last, bounds[index, 0, 0])
+    def _on_both_sides(self, limit: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the bounds of each mode with a natural frequency below a limit, and those of one above it.
+
+        They are the same for a mode whose numbers are in part described, or whose bounds are on one side.
+        """
+        below = self._bounds_of_modes.copy()
+        above = below.copy()
+        for index, (low, high) in enumerate(below[:, 0]):
+            if np.all(below[index, :, 0] < below[index, :, 1]) and low < limit < high:
+                below[index, 0, 1] = above[index, 0, 0] = limit
                 above[index, _KEPT] = self._described[index, _KEPT, None]
-        return above
+        return below, above
 
 
 def _in_order(

@@ -27,21 +27,16 @@ from receptance.errors import ReceptanceError
 from receptance.fit.adequacy import MISFIT_LIMIT, strain_of
 from receptance.fit.discrepancy import DISCREPANCIES, Discrepancy, curve_of
 from receptance.fit.observation import Observation
-from receptance.fit.problem import COST_SETTLED, UNFINISHED, End, Problem, Task
+from receptance.fit.problem import End, Task
 
 FREQUENCY, LEVEL, DAMPING, REMAINDER = range(4)
 """Kinds of errors: of natural frequencies, of the level of a mode, of damping ratios, and of each line."""
 SAME_MODE = 0.06
 """Relative difference of two peak frequencies up to which they are the same mode."""
-_EVALUATIONS = 20
-_BLOCKS = 10
-"""Evaluations of a block of a fit, and most blocks."""
-_CONVERGED = 1e-3
-"""Predicted decrease of the cost by the next step below which a fit has converged."""
-_SETTLED, _SETTLED_SHARE = 0.25, 1e-3
-"""Decrease of the cost by a block below which a fit has converged: half of that by one standard error, or a share of
-the cost. Modes above the lines have long curved valleys, in which the region of a step stays small and the cost falls
-by little for hundreds of evaluations."""
+EVALUATIONS = 200
+"""Most evaluations of a fit."""
+CONVERGED = 1e-3
+"""Decrease of the cost below which a fit has converged, see `Problem.fit`."""
 _ROUNDS = 6
 """Most repetitions of the estimate and of the fit."""
 _STEPS = 60
@@ -127,7 +122,7 @@ def sufficient(task: Task, found: DiscrepancyFit) -> DiscrepancyFit:
         return found
     is_error = np.array([unknown.name in task.parameters.errors for unknown in task.variables.unknowns])
     nominal = np.where(is_error, 0.0, found.end.x)
-    end = settled_fit(task.problem(), nominal, free=~is_error, least=_CONVERGED)
+    end = task.problem().fit_one(nominal, EVALUATIONS, free=~is_error, least=CONVERGED)
     residual = task.problem().residual(end.x)
     if not np.isfinite(residual).all():
         return found
@@ -162,24 +157,6 @@ def expected_chi_square(task: Task) -> float:
     return max(task.independent_values - free, 1.0)
 
 
-def settled_fit(problem: Problem, start: NDArray[np.float64], **settings: Any) -> End:
-    """Return the end of a fit that has converged as well where a block of evaluations hardly lowers the cost.
-
-    `settings` are those of `Problem.fit`.
-    """
-    end = problem.fit_one(start, _EVALUATIONS, **settings)
-    evaluations = end.evaluations
-    for _ in range(_BLOCKS - 1):
-        if end.status != UNFINISHED:
-            break
-        before = end.cost
-        end = problem.fit_one(end.x, _EVALUATIONS, **settings)
-        evaluations += end.evaluations
-        if end.status == UNFINISHED and before - end.cost < max(_SETTLED, _SETTLED_SHARE * before):
-            end = end._replace(status=COST_SETTLED)
-    return end._replace(evaluations=evaluations)
-
-
 def _with(task: Task, discrepancy: Discrepancy, start: NDArray[np.float64], found: DiscrepancyFit) -> DiscrepancyFit:
     allowed = task.allow(discrepancy)
     return replace(found, task=allowed, end=_refit(allowed, start))
@@ -187,7 +164,7 @@ def _with(task: Task, discrepancy: Discrepancy, start: NDArray[np.float64], foun
 
 def _refit(task: Task, start: NDArray[np.float64]) -> End:
     problem = task.problem()
-    end = settled_fit(problem, start, least=_CONVERGED)
+    end = problem.fit_one(start, EVALUATIONS, least=CONVERGED)
     if not np.isfinite(end.cost):
         raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {problem.reason(end.x)}")
     return end

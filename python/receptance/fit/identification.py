@@ -17,7 +17,14 @@ from receptance.errors import ReceptanceError, warn_user
 from receptance.fit.adequacy import Adequacy, adequacy_of, misfit_limit, strain_of
 from receptance.fit.covariance import covariance_of, variance_factor
 from receptance.fit.discrepancy import Discrepancy
-from receptance.fit.discrepancy_fit import DiscrepancyFit, expected_chi_square, fit_discrepancy, settled_fit, sufficient
+from receptance.fit.discrepancy_fit import (
+    CONVERGED,
+    EVALUATIONS,
+    DiscrepancyFit,
+    expected_chi_square,
+    fit_discrepancy,
+    sufficient,
+)
 from receptance.fit.observation import Observation, Unit, as_observations
 from receptance.fit.parameters import Parameters
 from receptance.fit.peaks import check_bands
@@ -236,7 +243,7 @@ def _judged(fit: Identification, tolerance: float) -> Identification:
         except ReceptanceError:
             return fit
         problem = fit.task.problem()
-        end = settled_fit(problem, widened.end.x, tolerance=tolerance)
+        end = problem.fit_one(widened.end.x, EVALUATIONS, tolerance=tolerance, least=CONVERGED)
         if not end.cost < (1.0 - _AS_GOOD) * min(run.cost for run in fit.starts):
             break
         runs = [*fit.starts, _start_of(problem, fit, end)]

@@ -17,7 +17,9 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 pub struct Stop {
     /// Relative change of the cost and of the variables, and largest cosine between column and residual, at which it has converged.
     pub tolerance: f64,
-    /// Decrease of the cost at which it has converged, where the predicted decrease of the next step is no larger.
+    /// Decrease of the cost at which it has converged: that which the next step promises. Where the region of the steps
+    /// stays small, as in a long curved valley, it has converged where as many evaluations as there is `PATIENCE` for
+    /// lower the cost by less than `SLOW` times as much.
     pub least: f64,
     /// Most evaluations.
     pub evaluations: usize,
@@ -89,6 +91,12 @@ const LEAST_DAMPING: f64 = 1e-14;
 /// Most trials of a damping.
 const MOST_TRIALS: usize = 50;
 
+/// Evaluations whose decrease of the cost is compared with the least one.
+const PATIENCE: usize = 10;
+
+/// Their decrease relative to the least one of a step below which the fit has converged.
+const SLOW: f64 = 250.0;
+
 /// Share of the largest slope above which a slope moves a variable away from a bound.
 const LEAVING: f64 = 1e-10;
 
@@ -134,6 +142,8 @@ pub fn minimise(
     }
     let (mut region, mut foreseen) = (None, false);
     let mut evaluations = 1;
+    // The cost after each evaluation since the first that lowered it.
+    let mut costs: Vec<f64> = Vec::new();
     loop {
         let cost = 0.5 * now[last];
         let kept: Vec<usize> = moving.iter().copied().chain([start.len()]).collect();
@@ -176,6 +186,14 @@ pub fn minimise(
             let better = actual > 0.0;
             if let (Some(found), true) = (found, better) {
                 (x, now) = (next, found);
+            }
+            if better || !costs.is_empty() {
+                costs.push(0.5 * now[last]);
+            }
+            if costs.len() > PATIENCE
+                && costs[costs.len() - 1 - PATIENCE] - 0.5 * now[last] < SLOW * stop.least
+            {
+                return end(x, 0.5 * now[last], evaluations, Status::Cost, now);
             }
             if small || (flat && actual.is_finite()) {
                 let status = if flat { Status::Cost } else { Status::Step };
@@ -471,6 +489,21 @@ mod tests {
         assert!(rough.evaluations <= exact.evaluations && rough.cost < 1e-5, "{rough:?}");
         let again = fitted(&rough.x, bounds, Stop { least: 1e-6, ..STOP }, rosenbrock);
         assert_eq!((again.evaluations, again.status, again.cost), (1, Status::Cost, again.first));
+    }
+
+    #[test]
+    fn ends_where_a_valley_is_long() {
+        // Every step along y = x^2 is short, and the last ones gain little.
+        let bend = |x: &[f64]| {
+            let rows = [[-2e4 * x[0], 1e4, 1e4 * (x[1] - x[0] * x[0])], [0.1, 0.0, 0.1 * x[0] - 3.0]];
+            let entry = |i: usize, j: usize| rows.iter().map(|row| row[i] * row[j]).sum::<f64>();
+            Ok(Some((0..9).map(|k| entry(k / 3, k % 3)).collect()))
+        };
+        let bounds = [&[-50.0, -50.0][..], &[50.0, 2500.0]];
+        let stop = Stop { evaluations: 5000, ..STOP };
+        let exact = fitted(&[0.1, 0.0], bounds, stop, bend);
+        let slow = fitted(&[0.1, 0.0], bounds, Stop { least: 1e-3, ..stop }, bend);
+        assert!(slow.status == Status::Cost && 2 * slow.evaluations < exact.evaluations, "{slow:?}");
     }
 
     #[test]
