@@ -206,6 +206,8 @@ class ModeGrowth:
     """Residuals as a function of the spindle's entries."""
     bounds: NDArray[np.float64]
     """`(m, 6, 2)` bounds of the numbers of each mode; equal where a number is known."""
+    below: NDArray[np.float64] | None
+    """`(m, 6, 2)` bounds of a mode with a natural frequency in the lines; None where modes may leave the lines."""
     above: NDArray[np.float64]
     """`(m, 6, 2)` bounds of a mode with a natural frequency above the lines, where several modes with complex shapes
     can imitate each other."""
@@ -228,7 +230,15 @@ class ModeGrowth:
             is_above = mode[0] > self.above[index, 0, 0]
             trial = np.concatenate([start.bounds, (self.above if is_above else self.bounds)[index : index + 1]])
             ends.append(self._end(self._with_mode(x, mode), trial))
-        return min(ends, key=lambda end: end.chi_square)
+        return self._on_its_side(min(ends, key=lambda end: end.chi_square))
+
+    def _on_its_side(self, fit: FittedModes) -> FittedModes:
+        """Return a start for a fit in which each mode stays below or above the end of the lines."""
+        if self.below is None:
+            return fit
+        is_above = fit.modes[:, :1] > self.above[: len(fit.modes), 0, :1]
+        bounds = np.where(is_above[..., None], self.above[: len(fit.modes)], self.below[: len(fit.modes)])
+        return replace(fit, modes=np.clip(fit.modes, bounds[..., 0], bounds[..., 1]), bounds=bounds)
 
     def _end(
         self,
@@ -359,8 +369,7 @@ class ModeGrowth:
         _, by_entry = self.residuals_of.of_entries(self._entries(modes)[0] + rest * self._entry_scale)
         scaled = by_entry * self._entry_scale
         lines = self.lines_hz.real
-        (low, _), (least, most) = self.bounds[index, :2]
-        high = self.above[index, 0, 1]
+        (low, high), (least, most) = self.bounds[index, :2]
         low, high = max(low, lines[lines > 0.0][0] / _BESIDE), min(high, lines[-1] * _BESIDE)
         tried: list[tuple[float, NDArray[np.float64]]] = []
         for frequency in np.geomspace(min(low, high), high, _POLES):

@@ -348,7 +348,7 @@ class _Modes:
             Returns the records about variables before the plane and entries of the spindle, or None where the model
             has no value. Further fits are about those of a fit whose chi-square is below `near`.
         """
-        on_all, on_some = self._growths(lines_hz, residuals_on)
+        on_all, on_some = self._growths(lines_hz, residuals_on, may_leave=about is None)
         fit = on_all.first([getattr(self.part, quantity) for quantity in RESIDUALS])
         yield fit
         for _ in self.part.modes:
@@ -356,23 +356,31 @@ class _Modes:
             lines = about(fit.before, fit.entries) if about is not None and fit.chi_square < near else None
             if lines is not None:
                 residuals_on = _residuals_on(lines)
-                on_all, on_some = self._growths(lines_hz, residuals_on)
+                on_all, on_some = self._growths(lines_hz, residuals_on, may_leave=False)
                 fit = on_all.fitted(fit)
             yield fit
 
     def _growths(
-        self, lines_hz: NDArray[np.inexact], residuals_on: Callable[[NDArray[np.intp]], SpindleResiduals]
+        self,
+        lines_hz: NDArray[np.inexact],
+        residuals_on: Callable[[NDArray[np.intp]], SpindleResiduals],
+        *,
+        may_leave: bool,
     ) -> tuple[ModeGrowth, ModeGrowth]:
-        """Return the growth of modes on all lines, and on those on which further modes are tried."""
+        """Return the growth of modes on all lines, and on those on which further modes are tried.
+
+        Modes may leave the lines where the records do not determine the spindle line by line: they start far away.
+        """
         residuals = [getattr(self.part, quantity) for quantity in RESIDUALS]
         limits = np.array([self._bounds(name, value) for name, value in zip(RESIDUALS, residuals, strict=True)])
-        bounds, above = self._on_both_sides(_ABOVE * float(lines_hz.real[-1]))
+        below, above = self._on_both_sides(_ABOVE * float(lines_hz.real[-1]))
 
         def growth(lines: NDArray[np.intp]) -> ModeGrowth:
             return ModeGrowth(
                 lines_hz=lines_hz[lines],
                 residuals_of=residuals_on(lines),
-                bounds=bounds,
+                bounds=self._bounds_of_modes,
+                below=None if may_leave else below,
                 above=above,
                 residual_bounds=limits,
             )

@@ -327,9 +327,12 @@ class Search:
             return []
         threshold = max(own.threshold, 0.0)
         extends_all = not best.passed
+        limit = behind_limit(own.base.chi_square, (root.fit.chi_square for root in roots))
         for root in roots[:ROOTS]:
             # Where the best explanation is adequate, only those within the margin are extended.
             if root is not best and not extends_all and root.evidence < best.evidence - MARGIN:
+                continue
+            if root.fit.chi_square > limit:
                 continue
             if self._predicts_nothing_beside(root):
                 continue

@@ -101,8 +101,8 @@ LEADING_CAUSES = 4
 BEHIND = 60.0
 BEHIND_SHARE = 0.3
 """An explanation is only evaluated on all lines if its chi-square on few lines exceeds the best one by more than
-BEHIND plus this share of the gain of the best one. By the same rule on the other configurations it is left out of a
-fold."""
+BEHIND plus this share of the gain of the best one. By the same rule on all lines no cause is added to it, and on the
+other configurations it is left out of a fold."""
 
 # Alternatives that are not causes.
 
