@@ -194,7 +194,7 @@ def test_residuals_about_a_spindle_are_those_of_changed_records_and_variables() 
     assert abs(changed.chi_square - about.chi_square) > 1e-6 * about.chi_square
 
 
-def started(count: int, noise: float = 0.005) -> tuple[list[Unknown], Stabilisation]:
+def started(count: int, noise: float = 0.005, *, further: int = 0) -> tuple[list[Unknown], Stabilisation]:
     """Return the starts of the modes of a machine of which the records choose the number."""
     modes = [{} for _ in range(count)]
     observed = [
@@ -204,7 +204,7 @@ def started(count: int, noise: float = 0.005) -> tuple[list[Unknown], Stabilisat
         for o in records(noise)
     ]
     bounds = bounds_of_modes("spindle", modes, {}, observed)
-    unknowns, _, chosen = start_modes(observed, [*joint(1.0), *bounds], "spindle", by_evidence=True)
+    unknowns, _, chosen = start_modes(observed, [*joint(1.0), *bounds], "spindle", by_evidence=True, further=further)
     assert chosen is not None
     return unknowns, chosen
 
@@ -240,6 +240,29 @@ def test_records_without_a_common_line_cannot_choose_the_number() -> None:
     bounds = bounds_of_modes("spindle", [{}] * 2, {}, [first, *apart])
     with pytest.raises(ReceptanceError, match=r"no common lines; expected .* or a number of modes"):
         start_modes([first, *apart], [*joint(1.0), *bounds], "spindle", by_evidence=True)
+
+
+def test_a_mode_stays_on_its_side_of_the_last_line() -> None:
+    above = Mode(frequency_hz=3300.0, damping_ratio=0.03, y=0.6, theta=-4.0)
+    observed = records(modes=(*MODES, above))
+    described = machine(1e9, 4e5, modes=(Mode(frequency_hz=1.0, damping_ratio=0.1, y=0.0, theta=0.0),) * 4)
+    observed = [altered(o, assembly=described) for o in observed]
+    bounds = bounds_of_modes("spindle", [{}] * 4, {}, observed)
+    limit = 1.05 * LINES[-1]
+    assert all(u.lower < limit < u.upper for u in bounds if u.address.endswith("frequency_hz"))
+    unknowns, _, _ = start_modes(observed, [*joint(1.0), *bounds], "spindle")
+    frequencies = [u for u in unknowns if u.address.endswith("frequency_hz")]
+    assert all(u.upper <= limit * (1.0 + 1e-9) or u.lower >= limit * (1.0 - 1e-9) for u in frequencies), SEED
+    beyond = {u.address.removesuffix("frequency_hz") for u in frequencies if u.upper > 1.1 * limit}
+    assert beyond, SEED
+    # Such a mode has a real shape.
+    assert not {f"{mode}{part}_imaginary" for mode in beyond for part in ("y", "theta")} & {u.address for u in unknowns}
+
+
+def test_a_diagnosis_has_further_modes() -> None:
+    unknowns, chosen = started(6, further=1)
+    assert chosen.used == chosen.chosen + 1 == len(MODES) + 1, (SEED, chosen.criterion)
+    assert sum(u.address.endswith("frequency_hz") for u in unknowns) == chosen.used
 
 
 def test_a_tolerance_starts_where_it_says() -> None:

@@ -206,7 +206,7 @@ class ModeGrowth:
     """Residuals as a function of the spindle's entries."""
     bounds: NDArray[np.float64]
     """`(m, 6, 2)` bounds of the numbers of each mode; equal where a number is known."""
-    below: NDArray[np.float64] | None
+    below: NDArray[np.float64] | None = None
     """`(m, 6, 2)` bounds of a mode with a natural frequency in the lines; None where modes may leave the lines."""
     above: NDArray[np.float64]
     """`(m, 6, 2)` bounds of a mode with a natural frequency above the lines, where several modes with complex shapes
