@@ -19,7 +19,7 @@ pub struct Stop {
     pub tolerance: f64,
     /// Decrease of the cost at which it has converged: that which the next step promises. Where the region of the steps
     /// stays small, as in a long curved valley, it has converged where as many evaluations as there is `PATIENCE` for
-    /// lower the cost by less than `SLOW` times as much.
+    /// lower the cost by less than `SLOW` times as much; not where this is more than `SETTLED`.
     pub least: f64,
     /// Most evaluations.
     pub evaluations: usize,
@@ -96,6 +96,10 @@ const PATIENCE: usize = 10;
 
 /// Their decrease relative to the least one of a step below which the fit has converged.
 const SLOW: f64 = 250.0;
+
+/// Largest decrease of the cost by them at which it may have converged: half of that by one standard error. A start or a
+/// trial, which ends at a larger decrease by one step, goes on.
+const SETTLED: f64 = 0.25;
 
 /// Share of the largest slope above which a slope moves a variable away from a bound.
 const LEAVING: f64 = 1e-10;
@@ -190,8 +194,10 @@ pub fn minimise(
             if better || !costs.is_empty() {
                 costs.push(0.5 * now[last]);
             }
-            if costs.len() > PATIENCE
-                && costs[costs.len() - 1 - PATIENCE] - 0.5 * now[last] < SLOW * stop.least
+            let slow = SLOW * stop.least;
+            if slow <= SETTLED
+                && costs.len() > PATIENCE
+                && costs[costs.len() - 1 - PATIENCE] - 0.5 * now[last] < slow
             {
                 return end(x, 0.5 * now[last], evaluations, Status::Cost, now);
             }
