@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -246,6 +246,17 @@ def test_a_spindle_starts_from_the_measured_frfs(tmp_path: Path) -> None:
 
 BY_EVIDENCE = AUTOMATIC.replace("modes = [{}, {}]", 'modes = "auto"')
 """The same, and the records choose the number of modes."""
+
+
+def test_a_diagnosis_has_one_mode_more_than_the_records_choose(tmp_path: Path) -> None:
+    loaded = write_campaign(tmp_path, BY_EVIDENCE, step=4)
+
+    def count(names: Iterable[str]) -> int:
+        return sum(name.startswith("spindle.") and name.endswith(".frequency_hz") for name in names)
+
+    verdict = loaded.diagnose(["calibration_gain"])
+    assert count(verdict.base.values) == count(loaded.identify().values) + 1
+    assert verdict.verdict == "adequate"
 
 
 def test_the_records_choose_the_number_of_modes(tmp_path: Path) -> None:
