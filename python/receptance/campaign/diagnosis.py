@@ -20,8 +20,8 @@ from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation
 
 _FURTHER_MODES = 1
-"""Modes of an unknown spindle beyond the number that its records choose. What a further mode would explain, too little
-to pay for it, must not be taken for a cause."""
+"""Modes of an unknown spindle beyond the number that its records choose. A further mode explains something, although
+too little to be worth its numbers, and a cause must not take its place."""
 
 
 def base_model(campaign: CampaignData, seen: Mapping[str, Observation] | None = None) -> tuple[Model, list[str]]:

@@ -77,7 +77,7 @@ class Stabilisation(Result):
 
     @property
     def used(self) -> int:
-        """The number of modes of the fit: the stated one, else the chosen one with further ones."""
+        """The number of modes of the fit: the stated one, else the chosen one plus `further`, if so many are fitted."""
         return min(self.chosen + self.further, len(self.fits) - 1) if self.stated is None else self.stated
 
     def stable(self, count: int) -> NDArray[np.bool_]:

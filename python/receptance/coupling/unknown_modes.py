@@ -249,7 +249,7 @@ def _fit_of_modes(
     by_evidence: bool,
     further: int,
 ) -> tuple[FittedModes, Stabilisation]:
-    """Return the fit of all modes, or of the number that the records show and further ones, and all numbers of them."""
+    """Return the fit that is used, see `Stabilisation.used`, and the fits with each number of modes."""
     frf = next(o for o in observed if o.is_receptance and name in o.assembly.elements)
     fits = up_to_least(steps, records.independent_values) if by_evidence else tuple(steps)
     stabilisation = Stabilisation(
@@ -369,7 +369,8 @@ class _Modes:
     ) -> tuple[ModeGrowth, ModeGrowth]:
         """Return the growth of modes on all lines, and on those on which further modes are tried.
 
-        Modes may leave the lines where the records do not determine the spindle line by line: they start far away.
+        `may_leave` is whether a mode may cross the end of the lines. Where the records do not determine the spindle
+        line by line it must, because it may start far from its place.
         """
         residuals = [getattr(self.part, quantity) for quantity in RESIDUALS]
         limits = np.array([self._bounds(name, value) for name, value in zip(RESIDUALS, residuals, strict=True)])

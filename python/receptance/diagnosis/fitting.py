@@ -24,7 +24,6 @@ from receptance.diagnosis.thresholds import (
     BEHIND,
     CONTINUED_BASE,
     CONTINUED_STARTS,
-    CONVERGED,
     DIFFERENT_END,
     EVALUATIONS,
     EVALUATIONS_EXPLORING,
@@ -38,7 +37,7 @@ from receptance.fit import discrepancy_fit
 from receptance.fit.adequacy import MISFIT_LIMIT, Adequacy, Strain, judge, strain_of
 from receptance.fit.discrepancy import Discrepancy
 from receptance.fit.identification import conclude
-from receptance.fit.problem import End, InfeasibleError, Problem, Task
+from receptance.fit.problem import CONVERGED, End, InfeasibleError, Problem, Task
 from receptance.fit.result import Identification
 from receptance.fit.search import Start, fit_direct, fit_staged
 

@@ -20,12 +20,12 @@ from receptance.diagnosis.fitting import Fit, in_parallel, refit
 from receptance.diagnosis.judgement import conclude, is_of_one, only_improved
 from receptance.diagnosis.model import IndescribableError, Model
 from receptance.diagnosis.progress import Progress
-from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION, FOLDS
+from receptance.diagnosis.thresholds import EVALUATIONS_OF_PREDICTION, FOLDS
 from receptance.errors import ReceptanceError
 from receptance.fit.covariance import confidence_multiplier
 from receptance.fit.observation import Observation
 from receptance.fit.predictor import PredictedData, Predictor
-from receptance.fit.problem import InfeasibleError
+from receptance.fit.problem import CONVERGED, InfeasibleError
 from receptance.model.assembly import Assembly
 
 FREQUENCIES = "natural frequencies, rms error in percent"

@@ -13,9 +13,9 @@ from receptance.diagnosis.findings import Findings
 from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.held_out import predicted_data
 from receptance.diagnosis.model import IndescribableError, Model
-from receptance.diagnosis.thresholds import CONVERGED, EVALUATIONS_OF_PREDICTION
+from receptance.diagnosis.thresholds import EVALUATIONS_OF_PREDICTION
 from receptance.errors import ReceptanceError
-from receptance.fit.problem import InfeasibleError
+from receptance.fit.problem import CONVERGED, InfeasibleError
 
 
 def held_out_curves(verdict: Findings, most: int = 4) -> list[tuple[Curve, Curve | None]]:

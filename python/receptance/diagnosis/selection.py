@@ -45,7 +45,6 @@ from receptance.diagnosis.thresholds import (
     ADDED_CAUSES,
     ADDED_EVIDENCE,
     BEHIND,
-    CONVERGED,
     FINISHED,
     KEPT_ON_INTERRUPT,
     LEADING_CAUSES,
@@ -62,6 +61,7 @@ from receptance.diagnosis.thresholds import (
 from receptance.errors import ReceptanceError
 from receptance.fit.adequacy import MISFIT_LIMIT
 from receptance.fit.discrepancy import Discrepancy
+from receptance.fit.problem import CONVERGED
 
 _T = TypeVar("_T")
 

@@ -15,9 +15,6 @@ EXPLORING_LINES = 120
 
 # Fits.
 
-CONVERGED = 1e-3
-"""Predicted decrease of chi-square by the next step below which a fit has converged. A new fit of the base replaces the
-first one if it is better by more."""
 TIE = 0.01
 """Difference of evidence below which two explanations are equal: fits end within less than this of their optimum."""
 SAME_END = 4.0

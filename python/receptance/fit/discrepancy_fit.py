@@ -27,7 +27,7 @@ from receptance.errors import ReceptanceError
 from receptance.fit.adequacy import MISFIT_LIMIT, strain_of
 from receptance.fit.discrepancy import DISCREPANCIES, Discrepancy, curve_of
 from receptance.fit.observation import Observation
-from receptance.fit.problem import End, Task
+from receptance.fit.problem import CONVERGED, End, Task
 
 FREQUENCY, LEVEL, DAMPING, REMAINDER = range(4)
 """Kinds of errors: of natural frequencies, of the level of a mode, of damping ratios, and of each line."""
@@ -35,8 +35,6 @@ SAME_MODE = 0.06
 """Relative difference of two peak frequencies up to which they are the same mode."""
 EVALUATIONS = 200
 """Most evaluations of a fit."""
-CONVERGED = 1e-3
-"""Decrease of the cost below which a fit has converged, see `Problem.fit`."""
 _ROUNDS = 6
 """Most repetitions of the estimate and of the fit."""
 _STEPS = 60

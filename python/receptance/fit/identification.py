@@ -17,18 +17,11 @@ from receptance.errors import ReceptanceError, warn_user
 from receptance.fit.adequacy import Adequacy, adequacy_of, misfit_limit, strain_of
 from receptance.fit.covariance import covariance_of, variance_factor
 from receptance.fit.discrepancy import Discrepancy
-from receptance.fit.discrepancy_fit import (
-    CONVERGED,
-    EVALUATIONS,
-    DiscrepancyFit,
-    expected_chi_square,
-    fit_discrepancy,
-    sufficient,
-)
+from receptance.fit.discrepancy_fit import EVALUATIONS, DiscrepancyFit, expected_chi_square, fit_discrepancy, sufficient
 from receptance.fit.observation import Observation, Unit, as_observations
 from receptance.fit.parameters import Parameters
 from receptance.fit.peaks import check_bands
-from receptance.fit.problem import End, Problem, Task
+from receptance.fit.problem import CONVERGED, End, Problem, Task
 from receptance.fit.result import Identification
 from receptance.fit.search import Start, fit_direct, fit_staged
 from receptance.fit.spindle_errors import has_spindle_errors, with_spindle_errors

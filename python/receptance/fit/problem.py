@@ -33,6 +33,8 @@ from receptance.model.joints import PointJoint
 _Rows = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
+CONVERGED = 1e-3
+"""Decrease of the cost below which a fit has converged whose end is judged, see `Problem.fit`."""
 COST_TOLERANCE = 1e-6
 """Decrease of the cost at which a fit has converged whose cost is compared with that of another fit."""
 _LEAST_SQUARE = 1e-8
@@ -315,8 +317,9 @@ class Problem:
 
         `most` is the largest number of evaluations of each fit, `free` the mask of fitted variables; the others are
         held. A fit has converged at a relative change of cost and variables of `tolerance`, and where the predicted
-        decrease of the cost by the next step is at most `least`. `of_all` keeps the rows and columns of held variables
-        in normal matrices.
+        decrease of the cost by the next step is at most `least`. With a `least` of `CONVERGED` or less it has converged
+        as well where ten evaluations lower the cost by less than 250 times `least`: in a long curved valley it would go
+        on for hundreds. `of_all` keeps the rows and columns of held variables in normal matrices.
         """
         moving = np.ones(starts.shape[1], dtype=np.bool_) if free is None else free
         limits = np.array(np.broadcast_to(most, len(starts)), dtype=np.int64)

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation, altered
 from receptance.fit.predictor import PredictedData, Predictor
-from receptance.fit.problem import End
+from receptance.fit.problem import CONVERGED, End
 from receptance.fit.result import Identification
 from receptance.fit.spindle_errors import with_spindle_errors
 from receptance.fit.unknowns import Tolerance
@@ -41,8 +41,6 @@ SMALLEST = 1e-300
 """Smallest standard deviation whose logarithm is taken."""
 _EVALUATIONS = 100
 """Most evaluations of the fit of a joint problem."""
-_CONVERGED = 1e-3
-"""Predicted decrease of its cost by the next step below which it has converged."""
 
 
 def worth(benefit: float, cost: float) -> float:
@@ -150,7 +148,7 @@ def fit_jointly(
     """
     data = predictor.of(observations, tolerances)
     problem = data.problem(fitted=fitted)
-    end = problem.fit_one(data.start, _EVALUATIONS, least=_CONVERGED)
+    end = problem.fit_one(data.start, _EVALUATIONS, least=CONVERGED)
     if not math.isfinite(end.cost):
         raise ReceptanceError(problem.reason(end.x))
     return end

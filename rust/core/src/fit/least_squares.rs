@@ -17,9 +17,9 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 pub struct Stop {
     /// Relative change of the cost and of the variables, and largest cosine between column and residual, at which it has converged.
     pub tolerance: f64,
-    /// Decrease of the cost at which it has converged: that which the next step promises. Where the region of the steps
-    /// stays small, as in a long curved valley, it has converged where as many evaluations as there is `PATIENCE` for
-    /// lower the cost by less than `SLOW` times as much; not where this is more than `SETTLED`.
+    /// Decrease of the cost at which it has converged: the predicted decrease of the next step is no larger. If `SLOW`
+    /// times this is at most `SETTLED`, it has converged as well where the last `PATIENCE` evaluations lowered the cost
+    /// by less than that product: in a long curved valley the steps stay short, and the cost falls without an end.
     pub least: f64,
     /// Most evaluations.
     pub evaluations: usize,
@@ -91,14 +91,14 @@ const LEAST_DAMPING: f64 = 1e-14;
 /// Most trials of a damping.
 const MOST_TRIALS: usize = 50;
 
-/// Evaluations whose decrease of the cost is compared with the least one.
+/// Number of evaluations over which the decrease of the cost is compared.
 const PATIENCE: usize = 10;
 
-/// Their decrease relative to the least one of a step below which the fit has converged.
+/// Multiple of the least decrease by one step: a fit has converged where `PATIENCE` evaluations lower the cost by less.
 const SLOW: f64 = 250.0;
 
-/// Largest decrease of the cost by them at which it may have converged: half of that by one standard error. A start or a
-/// trial, which ends at a larger decrease by one step, goes on.
+/// Largest such decrease, half of that by one standard error. Starts and trials, whose least decrease is larger, are not
+/// ended by it, because they would end in worse optima.
 const SETTLED: f64 = 0.25;
 
 /// Share of the largest slope above which a slope moves a variable away from a bound.
@@ -497,19 +497,23 @@ mod tests {
         assert_eq!((again.evaluations, again.status, again.cost), (1, Status::Cost, again.first));
     }
 
+    /// Normal matrix of a valley along y = x^2, in which every step is short and the last ones gain little.
+    fn valley(x: &[f64]) -> Result<Option<Vec<f64>>> {
+        let rows = [[-2e4 * x[0], 1e4, 1e4 * (x[1] - x[0] * x[0])], [0.1, 0.0, 0.1 * x[0] - 3.0]];
+        let entry = |i: usize, j: usize| rows.iter().map(|row| row[i] * row[j]).sum::<f64>();
+        Ok(Some((0..9).map(|k| entry(k / 3, k % 3)).collect()))
+    }
+
     #[test]
     fn ends_where_a_valley_is_long() {
-        // Every step along y = x^2 is short, and the last ones gain little.
-        let bend = |x: &[f64]| {
-            let rows = [[-2e4 * x[0], 1e4, 1e4 * (x[1] - x[0] * x[0])], [0.1, 0.0, 0.1 * x[0] - 3.0]];
-            let entry = |i: usize, j: usize| rows.iter().map(|row| row[i] * row[j]).sum::<f64>();
-            Ok(Some((0..9).map(|k| entry(k / 3, k % 3)).collect()))
-        };
         let bounds = [&[-50.0, -50.0][..], &[50.0, 2500.0]];
         let stop = Stop { evaluations: 5000, ..STOP };
-        let exact = fitted(&[0.1, 0.0], bounds, stop, bend);
-        let slow = fitted(&[0.1, 0.0], bounds, Stop { least: 1e-3, ..stop }, bend);
+        let exact = fitted(&[0.1, 0.0], bounds, stop, valley);
+        let slow = fitted(&[0.1, 0.0], bounds, Stop { least: 1e-3, ..stop }, valley);
         assert!(slow.status == Status::Cost && 2 * slow.evaluations < exact.evaluations, "{slow:?}");
+        // A trial ends only where the next step promises little.
+        let trial = fitted(&[0.1, 0.0], bounds, Stop { least: 2e-3, ..stop }, valley);
+        assert!(trial.evaluations > slow.evaluations && trial.cost < slow.cost, "{trial:?} {slow:?}");
     }
 
     #[test]
