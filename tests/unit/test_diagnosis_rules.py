@@ -98,6 +98,21 @@ def test_no_further_cause_is_sought_below_the_stated_noise() -> None:
     assert not verdict.selection.tried
 
 
+def test_no_cause_is_added_to_an_explanation_far_behind_the_best_one() -> None:
+    """A delay takes an eighth of the misfit and a mass at the tip nearly all of it."""
+    data = []
+    for seed, overhang in enumerate(OVERHANGS):
+        true = make_assembly(overhang, PointMass(mass=0.003, part="tool", position=0.0))
+        measured = measure(make_assembly(overhang), true, f"{overhang}", seed)
+        late = 1.03 * np.exp(-2j * np.pi * 2e-6 * LINES)
+        data.append(altered(measured, receptance=late * measured.receptance))
+    causes = ["sensor_mass", "calibration_gain", "time_delay", "hammer_offset"]
+    selection = diagnose(data, JOINT, tolerances=TOLERANCES, causes=causes).selection
+    pairs = [explanation.ids for explanation in selection.tried]
+    assert {"sensor_mass", "time_delay"} in pairs
+    assert {"calibration_gain", "time_delay"} not in pairs
+
+
 def test_unused_coherence_is_named() -> None:
     assembly = make_assembly(OVERHANGS[0])
     lines = np.linspace(200.0, 4000.0, 100)
