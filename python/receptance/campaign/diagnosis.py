@@ -11,7 +11,7 @@ from receptance.campaign.problems import errors_about
 from receptance.coupling.stabilisation import Stabilisations
 from receptance.diagnosis import Cause, Metric, Verdict, diagnose
 from receptance.diagnosis.by_mode import bias_of, slenderness_of
-from receptance.diagnosis.fitting import fit_base
+from receptance.diagnosis.fitting import count_unknown_modes, fit_base
 from receptance.diagnosis.held_out import FREQUENCIES, improvement, metrics_of
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import LEAST_FREEDOM
@@ -54,14 +54,15 @@ def diagnose_campaign(
     if not seen:
         raise campaign.error('there is no measurement for the diagnosis, expected one with the role "identify"')
     model, left_out = base_model(campaign, seen)
-    by_mode = bool(parts_to_start(campaign))
     stabilised = Stabilisations({})
-    if by_mode:
-        started = started_by_mode(
-            campaign, model.observations, model.unknowns, model.tolerances, further=_FURTHER_MODES
-        )
-        unknowns, tolerances, stabilised = started
-        model = replace(model, unknowns=tuple(unknowns), tolerances=tuple(tolerances))
+    choose_modes = None
+    if parts_to_start(campaign):
+        described = model
+        model, stabilised = _with_modes(campaign, described, described)
+
+        def choose_modes(extended: Model) -> Model:
+            return _with_modes(campaign, described, extended)[0]
+
     settings = campaign.table.settings
     with errors_about(campaign.file):
         verdict = diagnose(
@@ -75,6 +76,7 @@ def diagnose_campaign(
             fast=fast,
             metrics=metrics,
             progress=campaign.progress,
+            choose_modes=choose_modes,
         )
     if held_out and verdict.final:
         observations = tuple(held_out.values())
@@ -88,16 +90,37 @@ def diagnose_campaign(
         found = improvement(verdict.selection, verdict.explanation, unseen, metrics)
         verdict = replace(verdict.with_improvement(found), held_out=unseen)
     notes += [*left_out, *verdict.notes]
-    if by_mode:
+    if choose_modes is not None:
         notes += _notes_on_modes(stabilised, verdict)
     return replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=campaign.provenance())
+
+
+def _with_modes(campaign: CampaignData, described: Model, model: Model) -> tuple[Model, Stabilisations]:
+    """Return a model with the modes of unknown spindles that its records show, and their fits by number.
+
+    `described` is the model of the campaign, with all modes that a spindle may have; `model` is the same, or has causes
+    and other modes. All but the causes start as described.
+    """
+    owners = tuple(f"{name}." for name in parts_to_start(campaign))
+    modal = [unknown for unknown in described.unknowns if unknown.address.startswith(owners)]
+    starts = {unknown.name: unknown.start for unknown in described.unknowns}
+    others = [
+        replace(unknown, start=starts.get(unknown.name, unknown.start))
+        for unknown in model.unknowns
+        if not unknown.address.startswith(owners)
+    ]
+    errors = [replace(tolerance, start=0.0) for tolerance in model.tolerances]
+    unknowns, tolerances, stabilised = started_by_mode(
+        campaign, model.observations, [*others, *modal], errors, further=_FURTHER_MODES
+    )
+    return replace(model, unknowns=tuple(unknowns), tolerances=tuple(tolerances)), stabilised
 
 
 def _notes_on_modes(stabilised: Stabilisations, verdict: Verdict) -> list[str]:
     """Return notes on what a diagnosis with unknown modes of spindles can decide."""
     notes = []
     if verdict.final and (hidden := verdict.selection.absorbed):
-        count = sum(each.used for each in stabilised.values())
+        count = count_unknown_modes(verdict.selection.base.model)
         notes.append(
             f"these data do not show causes of typical size that the joint and the {count} unknown modes imitate: "
             f"{', '.join(hidden)}; measure another overhang, or the spindle alone, to decide them"
@@ -105,7 +128,9 @@ def _notes_on_modes(stabilised: Stabilisations, verdict: Verdict) -> list[str]:
     if verdict.adequacy.passed:
         return notes
     for name, each in stabilised.items():
-        if each.stated is None or each.chosen < each.stated:
+        if each.stated is None:
+            notes.append(f"more modes of {name} do not explain the rest: the fit has as many as the records show")
+        elif each.chosen < each.stated:
             notes.append(f"more modes of {name} do not explain the rest: the records show {each.chosen}")
         elif each.stated > 1:
             notes.append(

@@ -23,6 +23,7 @@ from receptance.diagnosis.model import DATA_HOLDER, TABLE, Model, UndecidableErr
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
+from receptance.diagnosis.starts import ChooseModes
 from receptance.diagnosis.table_noise import with_table_noise
 from receptance.diagnosis.thresholds import (
     BEYOND_NOISE,
@@ -59,6 +60,7 @@ def diagnose(
     most: int = 2,
     metrics: Mapping[str, Metric] | None = None,
     progress: Callable[[str], None] | None = None,
+    choose_modes: ChooseModes | None = None,
 ) -> Verdict:
     """Test whether a model is adequate for the measured data, and find the causes that explain them if it is not.
 
@@ -91,6 +93,10 @@ def diagnose(
     progress : callable, optional
         Called with one line of text at the start of each step: its number, the expected number of steps, the remaining
         time, the leading explanation, and the step. The expected number is an estimate that later steps correct.
+    choose_modes : callable, optional
+        Chooses the modes of unknown spindles: gets a model with causes, of which the unknowns have the modes that were
+        chosen without one, and returns it with those beside these causes. Modes chosen from records that a cause has
+        changed hide it.
 
     Returns
     -------
@@ -151,7 +157,7 @@ def diagnose(
     report = Progress(progress)
     held_out = held_out and not fast
     report.plan("held out", count_folds(model) if held_out else 0)
-    selection = select(model, catalogue, most=most, progress=report, fast=fast)
+    selection = select(model, catalogue, most=most, progress=report, fast=fast, choose_modes=choose_modes)
     verdict = _verdict(selection, conclude(selection), most, line_notes, report)
     if verdict.verdict == "unexplained" and verdict.final and not fast and verdict.alternative is None:
         verdict = _beside_discrepancy(verdict, catalogue, most, line_notes, report, model.threads)

@@ -29,12 +29,13 @@ from receptance.diagnosis.thresholds import (
     EVALUATIONS_EXPLORING,
     EVALUATIONS_OF_BASE,
     EVALUATIONS_OF_START,
+    MARGIN,
     SAME_END,
     TOLERANCE_OF_BASE,
 )
 from receptance.errors import ReceptanceError
 from receptance.fit import discrepancy_fit
-from receptance.fit.adequacy import MISFIT_LIMIT, Adequacy, Strain, judge, strain_of
+from receptance.fit.adequacy import MISFIT_LIMIT, Adequacy, Strain, judge, misfit_limit, strain_of
 from receptance.fit.discrepancy import Discrepancy
 from receptance.fit.identification import conclude
 from receptance.fit.problem import CONVERGED, End, InfeasibleError, Problem, Task
@@ -193,12 +194,20 @@ class Fit:
         return conclude(self.task, self.problem, [start], loss=None, seed=self.model.seed, notes=[])
 
 
-def fit_base(model: Model) -> Fit:
-    """Return the model fitted from its own starting values: in stages on few lines, then on all lines."""
+def count_unknown_modes(model: Model) -> int:
+    """Return the number of modes of modal parts whose natural frequencies are unknowns."""
+    return sum(_MODE.fullmatch(unknown.address) is not None for unknown in model.unknowns)
+
+
+def fit_base(model: Model, *, continuations: int = CONTINUED_BASE) -> Fit:
+    """Return the model fitted from its own starting values: in stages on few lines, then on all lines.
+
+    The fit on all lines is continued at most so many times, while it is neither converged nor adequate.
+    """
     task = thin(model).task
     problem = task.problem()
     # Not `identify`: it enlarges the noise where data contradict the model, which would hide the misfit.
-    if any(_MODE.fullmatch(unknown.address) for unknown in model.unknowns):
+    if count_unknown_modes(model):
         # Unknown modes of a spindle have starts of their own, see `start_modes`: a continuation with all of them at
         # once ends in a local optimum.
         runs = fit_direct(problem, task.variables.draw(1, model.seed), EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)
@@ -210,7 +219,7 @@ def fit_base(model: Model) -> Fit:
     if not np.isfinite(best.cost):
         raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {best.message}")
     fit = refit(model, best.values, evaluations=problem.evaluations)
-    for _ in range(CONTINUED_BASE):
+    for _ in range(continuations):
         # A fit on its way says nothing about the model.
         if fit.converged or fit.adequacy.passed:
             break
@@ -220,6 +229,8 @@ def fit_base(model: Model) -> Fit:
 
 def refit(model: Model, start: Mapping[str, float], *, evaluations: int = 0) -> Fit:
     """Return a model fitted on all lines from one start.
+
+    A fit that explains all lines with implausible errors of the tolerances is fitted again from none of these.
 
     Parameters
     ----------
@@ -234,6 +245,21 @@ def refit(model: Model, start: Mapping[str, float], *, evaluations: int = 0) -> 
     end = problem.fit_one(_vector(model.task, start), EVALUATIONS, least=CONVERGED)
     if not np.isfinite(end.cost):
         raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {problem.reason(end.x)}")
+    fit = _fit_of(model, end, evaluations)
+    if not model.task.parameters.errors or fit.misfit > misfit_limit(fit.expected_chi_square):
+        return fit
+    if fit.adequacy.strain.passed or not fit.adequacy.of_lines:
+        return fit
+    # In a long valley, as of modes above the lines, a fit may end with errors that its lines do not require.
+    is_error = np.isin(model.task.variables.names, model.task.parameters.errors)
+    nominal = problem.fit_one(np.where(is_error, 0.0, end.x), EVALUATIONS, least=CONVERGED)
+    count = fit.evaluations + nominal.evaluations
+    if 2.0 * nominal.cost < fit.chi_square - MARGIN:
+        return _fit_of(model, nominal, count - nominal.evaluations)
+    return replace(fit, evaluations=count)
+
+
+def _fit_of(model: Model, end: End, evaluations: int) -> Fit:
     regained = 2.0 * (end.first - end.cost)
     return Fit(model, end.x, 2.0 * end.cost, end.converged, evaluations + end.evaluations, regained)
 
@@ -267,8 +293,7 @@ class DiscrepancyFit:
         """The fit."""
         end = self.found.end
         model = self.model.allow(self.discrepancy)
-        regained = 2.0 * (end.first - end.cost)
-        return Fit(model, end.x, 2.0 * end.cost, end.converged, end.evaluations, regained)
+        return _fit_of(model, end, 0)
 
 
 def fit_discrepancy(model: Model, start: Mapping[str, float]) -> DiscrepancyFit:

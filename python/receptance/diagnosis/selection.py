@@ -20,6 +20,7 @@ from receptance.diagnosis.fitting import (
     Exploration,
     Fit,
     continued,
+    count_unknown_modes,
     evaluate,
     explore,
     fit_base,
@@ -40,7 +41,15 @@ from receptance.diagnosis.screening import (
     rank,
     scores_beside,
 )
-from receptance.diagnosis.starts import fit_again, fit_levels, has_levels, starts_from_singles, starts_of
+from receptance.diagnosis.starts import (
+    ChooseModes,
+    fit_again,
+    fit_levels,
+    fit_with_modes,
+    has_levels,
+    starts_from_singles,
+    starts_of,
+)
 from receptance.diagnosis.thresholds import (
     ADDED_CAUSES,
     ADDED_EVIDENCE,
@@ -75,6 +84,7 @@ def select(
     discrepancy: Discrepancy | None = None,
     fast: bool = False,
     known: Explanation | None = None,
+    choose_modes: ChooseModes | None = None,
 ) -> Selection:
     """Return the fits of each cause, and of causes together.
 
@@ -94,6 +104,9 @@ def select(
         Whether the alternatives are not fitted.
     known : Explanation, optional
         A single cause that explains the data. The base is fitted from its values, and its fit is one of those found.
+    choose_modes : callable, optional
+        Chooses the modes of unknown spindles. Where no single cause is adequate, the modes are chosen again beside each
+        of the leading ones, and the selection starts again with those of the best.
     """
     report = progress or Progress()
     began = perf_counter()
@@ -116,13 +129,21 @@ def select(
     if not interrupted:
         if known is not None:
             selection.add(selection.explain(known.steps, known.fit))
-        Search(selection, causes, most=most, progress=report).run()
+        search = Search(selection, causes, most=most, progress=report)
+        again = search.screen(model, choose_modes)
+        if again is None:
+            search.run()
+        else:
+            without, best = again
+            selection = select(without, causes, most=most, progress=progress, fast=fast, known=best)
     selection.seconds = perf_counter() - began
     return selection
 
 
 class Search:
     """The steps of a selection after the fit of the base; each adds explanations to the selection.
+
+    `screen` is the first one, `run` all others.
 
     1. `fit_singles`: every cause is screened to first order and its best variants are fitted, except those of little
        predicted effect where predictions are reliable.
@@ -136,7 +157,8 @@ class Search:
     6. `exchange_causes`: in the best explanation by several causes each one is exchanged for others and for its other
        variants. The cause that was found first acted in its variant without the others, and excluded similar causes.
     7. `restart`: where nothing is adequate, the best explanations are fitted from their own starting values, because
-       the base may have led all other starts to a local minimum.
+       the base may have led all other starts to a local minimum. Unknown modes have no others than those of the base;
+       `screen` chooses them again instead.
     8. `finish_best`: the fits of the explanations that may be reported continue where they reached their limit of
        evaluations. Beside a fit that has not converged no cause is named.
     9. `prune`: causes, and parameters of causes, are taken out of the best explanation where it is as good without.
@@ -162,10 +184,61 @@ class Search:
         self._rest: NDArray[np.float64] | None = None
         """Residuals of the base in the basis of the directions, where linear predictions are reliable."""
 
-    def run(self) -> None:
-        """Run all steps."""
+    def screen(self, model: Model, choose: ChooseModes | None = None) -> tuple[Model, Explanation] | None:
+        """Fit all single causes, or return the model with other modes and a cause with which to start again.
+
+        `model` is the one without a cause that is diagnosed. Where no single cause is adequate, its unknown modes are
+        chosen again beside those that take most of the misfit, the leading one first. Changes of the data come before
+        all others: modes of data of another quantity say nothing.
+        """
+        own, base = self.selection, self.selection.base
         try:
+            if choose is not None and not base.adequacy.passed:
+                changes, _ = list_variants(base, [cause for cause in self._causes if cause.changes_data])
+                data = [(Step(cause, one.name), with_null(one.model, base)) for cause, one in changes]
+                if again := self._beside_modes(model, data, choose):
+                    return again
             self.fit_singles()
+            if choose is not None and not base.adequacy.passed and not any(one.passed for one in own.explanations):
+                least = LEAST_SHARE * (base.chi_square - base.expected_chi_square)
+                leading = [one for one in own.singles[:LEADING_CAUSES] if one.gain >= least]
+                return self._beside_modes(model, [(one.steps[0], one.fit) for one in leading], choose)
+        except KeyboardInterrupt:
+            own.interrupted = True
+        return None
+
+    def _beside_modes(
+        self, model: Model, candidates: Sequence[tuple[Step, Fit]], choose: ChooseModes
+    ) -> tuple[Model, Explanation] | None:
+        """Return the model with modes chosen beside the best of some causes, and this cause.
+
+        They are tried until one explains all lines. The modes with the least chi-square, with a penalty for each
+        unknown, are used if it is less than that of the causes beside the modes of the base, else None is returned.
+        """
+        self._report.plan("together", len(candidates))
+        titles = [f"{_title(step)}, with modes chosen beside it" for step, _ in candidates]
+        single = replace(model, threads=1)
+        fits = [partial(_with_modes, single, step, before, choose) for step, before in candidates]
+        least = min((self._size(before) for _, before in candidates), default=math.inf) - MARGIN
+        best: tuple[Model, Explanation] | None = None
+        for (step, _), found in zip(candidates, self._each("together", titles, fits), strict=True):
+            if found is not None and self._size(found[1]) < least:
+                least = self._size(found[1])
+                best = replace(found[0], threads=model.threads), self.selection.explain((step,), found[1])
+                # Tolerances may be strained by the modes, and not by the cause.
+                if best[1].adequacy.of_lines:
+                    break
+        return best
+
+    def _size(self, fit: Fit) -> float:
+        """Return chi-square of a fit with a penalty for each of its unknowns."""
+        return fit.chi_square + self.selection.penalty * fit.task.parameters.count
+
+    def run(self) -> None:
+        """Run the steps after `screen`."""
+        if self.selection.interrupted:
+            return
+        try:
             self.refit_base()
             self.fit_variants()
             self.fit_look_alikes()
@@ -411,6 +484,8 @@ class Search:
         own = self.selection
         if own.base.misfit <= MISFIT_LIMIT or any(explanation.passed for explanation in own.explanations):
             return
+        if count_unknown_modes(own.base.model):
+            return
         levels = has_levels(own.base.model)
         # The order by evidence means little here: the right cause can be last if all fits are in the wrong optimum.
         together = [one for one in own.tried if own.singles[0].ids <= one.ids] if levels else []
@@ -543,7 +618,7 @@ class Search:
                     continue
                 own.evaluations += fit.evaluations
                 found = own.explain((*steps, direction.step), fit)
-                is_other_quantity = is_other_quantity or found.passed
+                is_other_quantity = is_other_quantity or found.adequacy.of_lines
                 yield found
         others = [one for one in chosen if not one.cause.changes_data]
         if is_other_quantity:
@@ -685,6 +760,14 @@ class Search:
             for direction, few in _first_causes(rest, KEPT_ON_INTERRUPT):
                 yield own.explain((*steps, direction.step), few.evaluate())
             raise
+
+
+def _with_modes(model: Model, step: Step, before: Fit, choose: ChooseModes) -> tuple[Model, Fit] | None:
+    """Return a model with modes chosen beside a cause, and its fit with it; None where there is none."""
+    try:
+        return fit_with_modes(model, step, before, choose)
+    except (ReceptanceError, ValueError, UndecidableError):
+        return None
 
 
 def _fit_or_none(fit: Callable[[], Fit | None]) -> Fit | None:
