@@ -1,4 +1,4 @@
-"""A machine with an unknown spindle, hits at five points: `python benches/machine.py [--modes 7 9] [--cases N]
+"""A machine with an unknown spindle, hits at five points: `python benches/machine.py [--modes auto 9] [--cases N]
 [--seed S] [--folder FOLDER] [--diagnose]`.
 
 Holds out two of the five points, fits joint and spindle modes to the other three, and prints the error of the held-out
@@ -27,12 +27,15 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from five_points import MEASURED, Machine, measured, simulated
+from machine_laboratory.batch import modes_of
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--modes", type=int, nargs="+", default=[7, 9], help="numbers of unknown modes")
+    parser.add_argument(
+        "--modes", type=modes_of, nargs="+", default=["auto"], metavar="N|auto", help="numbers of unknown modes"
+    )
     parser.add_argument("--cases", type=int, default=4, help="number of simulated machines")
     parser.add_argument("--seed", type=int, help="of the first one; by default a new one, which is printed")
     parser.add_argument("--folder", type=Path, default=MEASURED, help="files of the real machine")
@@ -51,7 +54,7 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def report(name: str, machine: Machine, modes: list[int], diagnose: bool, *, tolerances: bool = True) -> None:
+def report(name: str, machine: Machine, modes: list[int | str], diagnose: bool, *, tolerances: bool = True) -> None:
     """Fit, predict and print one machine with each number of modes."""
     between = ", ".join(f"{error:.2f}" for error in machine.interpolated().values())
     sys.stdout.write(f"{name}: parabola between the points {between} dB rms\n")

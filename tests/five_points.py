@@ -7,6 +7,7 @@ which the second and the fourth point are held out.
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,8 +58,8 @@ class Machine:
             found[f"point {held + 1}"] = float(np.sqrt(np.mean((20.0 * np.log10(ratio)) ** 2)))
         return found
 
-    def write(self, folder: Path, modes: int, *, tolerances: bool = True, further: str = "") -> campaign.Campaign:
-        """Write campaign and data files into a folder and load them."""
+    def write(self, folder: Path, modes: int | str, *, tolerances: bool = True, further: str = "") -> campaign.Campaign:
+        """Write campaign and data files into a folder and load them; `modes` is a number or "auto"."""
         text = f"{_materials(tolerances)}\n"
         for part, material in (("tool", "carbide"), ("holder", "steel")):
             for length, diameter in getattr(self, part):
@@ -66,7 +67,7 @@ class Machine:
                 text += f'outer_diameter = "{1e3 * diameter:.9g} mm"\nmaterial = "{material}"\n'
                 if tolerances:
                     text += 'tolerance = { length = "0.1 mm", outer_diameter = "0.1 %" }\n'
-        text += _REST.format(modes=modes) + further
+        text += _REST.format(modes=json.dumps(modes)) + further
         for number, (part, x) in enumerate(self.places):
             h, deviation = self.receptance[number], self.deviation[number]
             frf = FRF(frequency_hz=self.frequency_hz, values=h, log_variance=deviation**2)
@@ -90,7 +91,6 @@ modes = {modes}
 chain = ["tool", "joint", "holder", "spindle"]
 
 [settings]
-starts = 1
 profiles = false
 
 [unknowns]

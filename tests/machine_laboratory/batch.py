@@ -33,7 +33,7 @@ def add_options(parser: argparse.ArgumentParser, cases: int, limit: float) -> No
     parser.add_argument("--cases", type=int, default=cases, help=f"number of machines (default {cases})")
     parser.add_argument("--only", type=int, nargs="+", metavar="N", help="numbers of machines among these")
     parser.add_argument(
-        "--modes", type=_modes, default="auto", metavar="N|auto", help="number of unknown modes of the spindle (auto)"
+        "--modes", type=modes_of, default="auto", metavar="N|auto", help="number of unknown modes of the spindle (auto)"
     )
     parser.add_argument("--jobs", type=int, default=1, help="number of processes (default 1)")
     parser.add_argument("--threads", type=int, default=1, help="threads of each (default 1)")
@@ -45,7 +45,7 @@ def add_options(parser: argparse.ArgumentParser, cases: int, limit: float) -> No
     )
 
 
-def _modes(text: str) -> int | str:
+def modes_of(text: str) -> int | str:
     return text if text == "auto" else int(text)
 
 

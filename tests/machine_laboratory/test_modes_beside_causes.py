@@ -8,22 +8,25 @@ from machine_laboratory.blind import machine_of
 from machine_laboratory.generator import write
 from receptance import campaign
 
-SEED = 3701
-
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("index", "effect", "others"),
-    [(0, "sensor_mass", ("calibration_gain", "tool_modulus")), (1, "wrong_quantity", ("calibration_gain",))],
+    ("seed", "index", "effect", "others"),
+    [
+        (3701, 0, "sensor_mass", ("calibration_gain", "tool_modulus")),
+        (3701, 1, "wrong_quantity", ("calibration_gain",)),
+        # It divides a segment that has tolerances.
+        (281128, 3, "fluted_part", ("tool_density",)),
+    ],
 )
 @pytest.mark.filterwarnings("ignore:.*clear peaks")
-def test_modes_are_chosen_beside_the_cause_of_a_large_misfit(tmp_path, index, effect, others):
-    machine = machine_of(SEED, index, [effect])
+def test_modes_are_chosen_beside_the_cause_of_a_large_misfit(tmp_path, seed, index, effect, others):
+    machine = machine_of(seed, index, [effect])
     loaded = campaign.load(write(machine, tmp_path, modes="auto"), threads=1)
     # Without the alternatives and the discrepancy: what matters here is the fit of the cause.
     verdict = loaded.diagnose(causes=[effect, *others], fast=True)
     best = verdict.selection.best
     assert best.ids == {effect}
-    # With the modes that were chosen without the cause the misfit is 1.03, and 25,000.
+    # With the modes that were chosen without the cause the misfit is 1.03, 25,000 and 1.40.
     assert best.fit.misfit < 1.01
-    assert verdict.selection.base.misfit > 10.0
+    assert verdict.selection.base.misfit > 3.0

@@ -766,7 +766,7 @@ def _with_modes(model: Model, step: Step, before: Fit, choose: ChooseModes) -> t
     """Return a model with modes chosen beside a cause, and its fit with it; None where there is none."""
     try:
         return fit_with_modes(model, step, before, choose)
-    except (ReceptanceError, ValueError, UndecidableError):
+    except (ReceptanceError, UndecidableError):
         return None
 
 

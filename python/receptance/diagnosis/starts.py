@@ -188,10 +188,12 @@ def fit_with_modes(model: Model, step: Step, before: Fit, choose: ChooseModes) -
     )
     chosen = choose(replace(before.model, unknowns=sized))
     fit = fit_base(chosen, continuations=0)
+    # A cause that divides a segment has changed the addresses of the tolerances, but not their names.
+    starts = {tolerance.name: tolerance.start for tolerance in chosen.tolerances}
     without = replace(
         model,
         unknowns=tuple(unknown for unknown in chosen.unknowns if unknown.name not in causes),
-        tolerances=chosen.tolerances,
+        tolerances=tuple(replace(one, start=starts.get(one.name, 0.0)) for one in model.tolerances),
     )
     return without, refit(step.extend(without), fit.values, evaluations=fit.evaluations)
 
