@@ -22,10 +22,10 @@ from receptance import (
     Segment,
     SpreadJoint,
 )
-from receptance.diagnosis import CATALOGUE, Model, Step, Verdict, diagnose
+from receptance.diagnosis import CATALOGUE, Model, Step, Verdict, diagnose, fitting
 from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.explanation import Explanation
-from receptance.diagnosis.fitting import fit_base
+from receptance.diagnosis.fitting import fit_base, refit
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.line_selection import select_lines
 from receptance.diagnosis.thresholds import MARGIN
@@ -137,6 +137,19 @@ def test_record_without_coherence_is_excluded_with_its_unknowns() -> None:
     assert any("0.07 (5 of 200)" in note for note in notes)
     with pytest.raises(ValueError, match="coherence is too low"):
         select_lines(Model((data[1],), tuple(JOINT)))
+
+
+def test_a_fit_with_implausible_errors_starts_again_from_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fit that ends on its way explains all lines, whose noise is large, with errors of six standard deviations."""
+    monkeypatch.setattr(fitting, "EVALUATIONS", 1)
+    data = [measure(make_assembly(x), make_assembly(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
+    loud = tuple(altered(one, standard_deviation=40.0 * one.standard_deviation) for one in data)
+    model = Model(loud, tuple(JOINT), tuple(TOLERANCES))
+    joint = fit_base(Model(tuple(data), tuple(JOINT), tuple(TOLERANCES))).values
+    errors = model.task.parameters.errors
+    fit = refit(model, {**joint, **dict.fromkeys(errors, 6.0)})
+    assert fit.adequacy.passed
+    assert max(abs(fit.values[name]) for name in errors) < 1.0
 
 
 def test_excess_scatter_between_clampings_is_inadequate() -> None:
