@@ -237,7 +237,7 @@ def start_modes(
     _, end, task, begun, chosen = min(ends, key=lambda each: each[0])
     values = dict(zip(task.variables.names, task.variables.to_values(end.x).tolist(), strict=True))
     errors = [replace(tolerance, start=values[tolerance.name]) for tolerance in tolerances]
-    return _turned(_started(begun, values), name), errors, chosen
+    return _turned(part.ascending(_started(begun, values)), name), errors, chosen
 
 
 def _fit_of_modes(
@@ -405,6 +405,29 @@ class _Modes:
                     replace(unknown, lower=low, upper=high, start=float(np.clip(numbers[address], low, high)))
                 )
         return unknowns
+
+    def ascending(self, unknowns: Sequence[Unknown]) -> list[Unknown]:
+        """Return unknowns in which modes with equal bounds, as described, start in ascending order of their frequency.
+
+        Each keeps its numbers and its own bounds under another address.
+        """
+        starts = {
+            int(match[2]): unknown.start or 0.0
+            for unknown in unknowns
+            if (match := _MODE.fullmatch(unknown.address)) and match[1] == self.name and match[3] == QUANTITIES[0]
+        }
+        indices = sorted(starts)
+        modes = np.array([[starts[index], float(index)] for index in indices]).reshape(-1, 2)
+        order, _ = _in_order(modes, modes, self._bounds_of_modes[indices])
+        number = {int(before): after for (_, before), after in zip(order.tolist(), indices, strict=True)}
+
+        def renamed(unknown: Unknown) -> Unknown:
+            match = _MODE.fullmatch(unknown.address)
+            if match is None or match[1] != self.name or int(match[2]) not in number:
+                return unknown
+            return replace(unknown, address=f"{self.name}.mode[{number[int(match[2])]}].{match[3]}")
+
+        return [renamed(unknown) for unknown in unknowns]
 
     @cached_property
     def _described(self) -> NDArray[np.float64]:

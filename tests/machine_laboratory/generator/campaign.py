@@ -81,7 +81,7 @@ def _toml(value: object) -> str:
 def _table(record: Record) -> str:
     rows = ["frequency [Hz],receptance real [m/N],receptance imaginary [m/N],coherence"]
     for f, h, c in zip(record.frequency_hz, record.receptance, record.coherence, strict=True):
-        rows.append(f"{f:.10g},{h.real:.12g},{h.imag:.12g},{c:.12g}")
+        rows.append(f"{f:.10g},{h.real:+.12e},{h.imag:+.12e},{c:.12e}")
     return "\n".join(rows) + "\n"
 
 
