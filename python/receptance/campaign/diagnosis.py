@@ -58,10 +58,10 @@ def diagnose_campaign(
     choose_modes = None
     if parts_to_start(campaign):
         described = model
-        model, stabilised = _with_modes(campaign, described, described)
+        model, stabilised = _choose_modes(campaign, described, described)
 
         def choose_modes(extended: Model) -> Model:
-            return _with_modes(campaign, described, extended)[0]
+            return _choose_modes(campaign, described, extended)[0]
 
     settings = campaign.table.settings
     with errors_about(campaign.file):
@@ -95,7 +95,7 @@ def diagnose_campaign(
     return replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=campaign.provenance())
 
 
-def _with_modes(campaign: CampaignData, described: Model, model: Model) -> tuple[Model, Stabilisations]:
+def _choose_modes(campaign: CampaignData, described: Model, model: Model) -> tuple[Model, Stabilisations]:
     """Return a model with the modes of unknown spindles that its records show, and their fits by number.
 
     `described` is the model of the campaign, with all modes that a spindle may have; `model` is the same, or has causes

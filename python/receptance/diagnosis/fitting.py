@@ -230,7 +230,7 @@ def fit_base(model: Model, *, continuations: int = CONTINUED_BASE) -> Fit:
 def refit(model: Model, start: Mapping[str, float], *, evaluations: int = 0) -> Fit:
     """Return a model fitted on all lines from one start.
 
-    A fit that explains all lines with implausible errors of the tolerances is fitted again from none of these.
+    A fit that explains all lines with implausible errors of the tolerances is repeated with these starting at zero.
 
     Parameters
     ----------
@@ -253,10 +253,9 @@ def refit(model: Model, start: Mapping[str, float], *, evaluations: int = 0) -> 
     # In a long valley, as of modes above the lines, a fit may end with errors that its lines do not require.
     is_error = np.isin(model.task.variables.names, model.task.parameters.errors)
     nominal = problem.fit_one(np.where(is_error, 0.0, end.x), EVALUATIONS, least=CONVERGED)
-    count = fit.evaluations + nominal.evaluations
     if 2.0 * nominal.cost < fit.chi_square - MARGIN:
-        return _fit_of(model, nominal, count - nominal.evaluations)
-    return replace(fit, evaluations=count)
+        return _fit_of(model, nominal, fit.evaluations)
+    return replace(fit, evaluations=fit.evaluations + nominal.evaluations)
 
 
 def _fit_of(model: Model, end: End, evaluations: int) -> Fit:

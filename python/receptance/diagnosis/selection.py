@@ -195,14 +195,14 @@ class Search:
         try:
             if choose is not None and not base.adequacy.passed:
                 changes, _ = list_variants(base, [cause for cause in self._causes if cause.changes_data])
-                data = [(Step(cause, one.name), with_null(one.model, base)) for cause, one in changes]
+                data = [(Step(cause, variant.name), with_null(variant.model, base)) for cause, variant in changes]
                 if again := self._beside_modes(model, data, choose):
                     return again
             self.fit_singles()
             if choose is not None and not base.adequacy.passed and not any(one.passed for one in own.explanations):
                 least = LEAST_SHARE * (base.chi_square - base.expected_chi_square)
-                leading = [one for one in own.singles[:LEADING_CAUSES] if one.gain >= least]
-                return self._beside_modes(model, [(one.steps[0], one.fit) for one in leading], choose)
+                leading = [single for single in own.singles[:LEADING_CAUSES] if single.gain >= least]
+                return self._beside_modes(model, [(single.steps[0], single.fit) for single in leading], choose)
         except KeyboardInterrupt:
             own.interrupted = True
         return None
@@ -217,14 +217,17 @@ class Search:
         """
         self._report.plan("together", len(candidates))
         titles = [f"{_title(step)}, with modes chosen beside it" for step, _ in candidates]
-        single = replace(model, threads=1)
-        fits = [partial(_with_modes, single, step, before, choose) for step, before in candidates]
+        on_one_thread = replace(model, threads=1)
+        fits = [partial(_fit_with_modes_or_none, on_one_thread, step, before, choose) for step, before in candidates]
         least = min((self._size(before) for _, before in candidates), default=math.inf) - MARGIN
         best: tuple[Model, Explanation] | None = None
-        for (step, _), found in zip(candidates, self._each("together", titles, fits), strict=True):
-            if found is not None and self._size(found[1]) < least:
-                least = self._size(found[1])
-                best = replace(found[0], threads=model.threads), self.selection.explain((step,), found[1])
+        for (step, _), pair in zip(candidates, self._each("together", titles, fits), strict=True):
+            if pair is None:
+                continue
+            without, fit = pair
+            if self._size(fit) < least:
+                least = self._size(fit)
+                best = replace(without, threads=model.threads), self.selection.explain((step,), fit)
                 # Tolerances may be strained by the modes, and not by the cause.
                 if best[1].adequacy.of_lines:
                     break
@@ -762,8 +765,8 @@ class Search:
             raise
 
 
-def _with_modes(model: Model, step: Step, before: Fit, choose: ChooseModes) -> tuple[Model, Fit] | None:
-    """Return a model with modes chosen beside a cause, and its fit with it; None where there is none."""
+def _fit_with_modes_or_none(model: Model, step: Step, before: Fit, choose: ChooseModes) -> tuple[Model, Fit] | None:
+    """Return the result of `fit_with_modes`; None where the model has no value."""
     try:
         return fit_with_modes(model, step, before, choose)
     except (ReceptanceError, UndecidableError):

@@ -193,7 +193,7 @@ def fit_with_modes(model: Model, step: Step, before: Fit, choose: ChooseModes) -
     without = replace(
         model,
         unknowns=tuple(unknown for unknown in chosen.unknowns if unknown.name not in causes),
-        tolerances=tuple(replace(one, start=starts.get(one.name, 0.0)) for one in model.tolerances),
+        tolerances=tuple(replace(tolerance, start=starts.get(tolerance.name, 0.0)) for tolerance in model.tolerances),
     )
     return without, refit(step.extend(without), fit.values, evaluations=fit.evaluations)
 
