@@ -17,6 +17,8 @@ from receptance import campaign
         (3701, 1, "wrong_quantity", ("calibration_gain",)),
         # It divides a segment that has tolerances.
         (281128, 3, "fluted_part", ("tool_density",)),
+        # One of two sensors.
+        (281130, 12, "reversed_polarity", ("wrong_quantity", "sensor_mass")),
     ],
 )
 @pytest.mark.filterwarnings("ignore:.*clear peaks")
@@ -27,6 +29,18 @@ def test_modes_are_chosen_beside_the_cause_of_a_large_misfit(tmp_path, seed, ind
     verdict = loaded.diagnose(causes=[effect, *others], fast=True)
     best = verdict.selection.best
     assert best.ids == {effect}
-    # With the modes that were chosen without the cause the misfit is 1.03, 25,000 and 1.40.
+    # With the modes that were chosen without the cause the misfit is 1.03, 25,000, 1.40 and more than 20,000.
     assert best.fit.misfit < 1.01
+    assert verdict.selection.base.misfit > 3.0
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*clear peaks")
+def test_a_spindle_that_differs_between_overhangs_explains_the_records(tmp_path):
+    machine = machine_of(281130, 9, ["spindle_mode"])
+    loaded = campaign.load(write(machine, tmp_path, modes="auto"), threads=1)
+    verdict = loaded.diagnose(causes=["spindle_mode", "joint_overhang_law", "tool_density"], fast=True)
+    best = verdict.selection.best
+    assert best.ids == {"spindle_mode"}
+    assert best.passed
     assert verdict.selection.base.misfit > 3.0

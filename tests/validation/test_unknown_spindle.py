@@ -49,7 +49,8 @@ def test_a_diagnosis_with_unknown_modes_is_adequate_and_says_what_is_hidden(tmp_
     verdict = machine.write(tmp_path, 9).diagnose()
     assert verdict.verdict == "adequate"
     assert not verdict.causes
-    assert verdict.undecidable["spindle_mode"] == "all modes of spindle are unknowns of the model already"
+    text = "all modes of spindle are unknowns of the model, and there is one configuration"
+    assert verdict.undecidable["spindle_mode"] == text
     assert any("unknown modes imitate" in note and "tool_modulus" in note for note in verdict.notes)
     joint = machine.joint
     assert joint is not None

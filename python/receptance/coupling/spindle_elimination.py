@@ -19,7 +19,7 @@ The cost of a line may have several minima in S. A line with a poor one starts a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,17 +152,20 @@ class SpindleRecords:
         """Effective number of independent real numbers of the records."""
         return sum(record.independent_values for record in self._records)
 
-    def eliminated(self, seed: int) -> SpindleLines | None:
+    def eliminated(self, seed: int, start: Mapping[str, float] | None = None) -> SpindleLines | None:
         """Return spindle and variables that explain the records best.
 
-        None where no configuration has more than three records that separate the terms of the spindle.
+        `start` has values of variables by name from which the second step begins, without the first one. None is
+        returned where no configuration has more than three records that separate the terms of the spindle.
         """
         if not self._configurations:
             return None
         thinned = self.thinned()
-        x = thinned._all_configurations(thinned._each_configuration(seed))
-        x = None if x is None else self._all_configurations(x)
-        return None if x is None else self._about_best(x)
+        x = thinned._each_configuration(seed) if start is None else self._task.variables.vector_of(start)
+        ends = thinned._all_configurations(x)
+        if ends is not None and thinned.lines_hz.size < self.lines_hz.size:
+            ends = self._all_configurations(ends)
+        return None if ends is None else self._about_best(ends)
 
     def _separates(self, indices: Sequence[int]) -> bool:
         """Return whether records determine all terms of the spindle, with the start values."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,13 +14,21 @@ import numpy as np
 from receptance.diagnosis.causes import Cause, Parameter, Variant
 from receptance.diagnosis.model import SPRING_TERMS, Model, UndecidableError, named, require_beams, require_no_table
 from receptance.diagnosis.thresholds import RESONANCE_STEP, SPRING_COUNT, SPRING_DECAY, SPRING_PIECES, SPRING_TRACE
-from receptance.fit.unknowns import Move, Unknown
+from receptance.fit.unknowns import Move, Prior, Unknown
 from receptance.model.assembly import Assembly
 from receptance.model.joints import GroundSpring, Resonator
 from receptance.model.terminals import ModalPart
 
 _STIFFNESSES = ("k_y", "k_theta", "k_ytheta")
 _MODE_SHAPE = ("y", "theta", "y_imaginary", "theta_imaginary")
+_OTHER_MODE = {
+    "log_frequency": (("frequency_hz",), 0.05),
+    "log_damping": (("damping_ratio",), 0.5),
+    "log_shape": (_MODE_SHAPE, 0.3),
+    "log_slope": (("theta", "theta_imaginary"), 0.3),
+}
+"""Numbers of a mode that each parameter moves where all modes are unknowns, and the standard deviation of the move: the
+records of one configuration do not determine every mode."""
 
 
 def _missing_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -90,17 +99,50 @@ def _spindle_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]
     if len(ends) > 1:
         raise UndecidableError("the assemblies end with different spindles")
     name, spindle = ends.pop()
-    if all(model.has(f"{name}.mode[{index}].frequency_hz") for index in range(len(spindle.modes))):
-        raise UndecidableError(f"all modes of {name} are unknowns of the model already")
+    described = {
+        f"{name}.mode[{index}]": mode
+        for index, mode in enumerate(spindle.modes)
+        if (mode.y or mode.theta) and not model.has(f"{name}.mode[{index}].frequency_hz")
+    }
+    if not described:
+        yield from _other_modes(p, model, name)
+        return
     low, high = _band(model)
-    for index, mode in enumerate(spindle.modes):
-        own = f"{name}.mode[{index}]"
-        if not low <= mode.frequency_hz <= high or model.has(f"{own}.frequency_hz"):
-            continue
-        frequency = p["log_frequency"].move({f"{own}.frequency_hz": 1.0}, relative=True)
-        damping = p["log_damping"].move({f"{own}.damping_ratio": 1.0}, relative=True)
-        size = p["log_shape"].move({f"{own}.{quantity}": 1.0 for quantity in _MODE_SHAPE}, relative=True)
-        yield Variant(f"mode at {mode.frequency_hz:.0f} Hz", model.plus(frequency, damping, size))
+    for own, mode in described.items():
+        if low <= mode.frequency_hz <= high:
+            frequency = p["log_frequency"].move({f"{own}.frequency_hz": 1.0}, relative=True)
+            damping = p["log_damping"].move({f"{own}.damping_ratio": 1.0}, relative=True)
+            size = p["log_shape"].move({f"{own}.{quantity}": 1.0 for quantity in _MODE_SHAPE}, relative=True)
+            yield Variant(f"mode at {mode.frequency_hz:.0f} Hz", model.plus(frequency, damping, size))
+
+
+def _other_modes(p: Mapping[str, Parameter], model: Model, name: str) -> Iterator[Variant]:
+    """Yield models in which all unknown modes of the spindle `name` are others in one configuration."""
+    configurations = model.configurations
+    if len(configurations) < 2:
+        raise UndecidableError(f"all modes of {name} are unknowns of the model, and there is one configuration")
+    matches = [re.fullmatch(rf"{name}\.(mode\[\d+\])\.frequency_hz", unknown.address) for unknown in model.unknowns]
+    modes = [match[1] for match in matches if match]
+    # Of two configurations that differ either may be the changed one.
+    for configuration in configurations if len(configurations) > 2 else configurations[1:]:
+        moves = [
+            # Beside another cause such moves imitate effects outside the catalogue, whatever their size.
+            replace(p[parameter], prior=Prior(mean=0.0, standard_deviation=deviation), ordinary=0.0).move(
+                {f"{name}.{mode}.{quantity}": 1.0 for quantity in quantities},
+                relative=True,
+                configurations=configuration,
+                part=mode,
+            )
+            for mode in modes
+            for parameter, (quantities, deviation) in _OTHER_MODE.items()
+        ]
+        yield Variant(
+            f"all modes, {configuration}",
+            model.plus(*moves),
+            meaning=f"the spindle has other modes in {configuration} than in the other configurations",
+            remedy="hit the blank in the warm spindle before and after each tool, with the same preload and drawbar "
+            "force; identify the spindle for each configuration where the blank shows the difference",
+        )
 
 
 @dataclass(frozen=True)
@@ -327,6 +369,7 @@ BOUNDARY_CAUSES = (
             Parameter(name="log_frequency", unit="", lower=-0.2, upper=0.2, typical=0.02, plausible=(-0.15, 0.15)),
             Parameter(name="log_damping", unit="", lower=-2.0, upper=2.0, typical=0.2, plausible=(-1.5, 1.5)),
             Parameter(name="log_shape", unit="", lower=-1.0, upper=1.0, typical=0.05, plausible=(-0.7, 0.7)),
+            Parameter(name="log_slope", unit="", lower=-1.0, upper=1.0, typical=0.05, plausible=(-0.7, 0.7)),
         ),
         change=_spindle_mode,
         meaning="a mode of the spindle has another frequency, shape or damping than identified",

@@ -84,6 +84,11 @@ class Parameter:
         return f"{self.cause}.{self.name}"
 
     @property
+    def penalised(self) -> bool:
+        """Whether evidence has a penalty for it; a secondary one with a prior is no more free than an error."""
+        return not (self.secondary and self.prior)
+
+    @property
     def start(self) -> float:
         """Starting value of a fit: null, or the typical value of a secondary parameter."""
         return self.typical if self.secondary else self.null

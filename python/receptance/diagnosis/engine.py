@@ -23,7 +23,6 @@ from receptance.diagnosis.model import DATA_HOLDER, TABLE, Model, UndecidableErr
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.selection import select
-from receptance.diagnosis.starts import ChooseModes
 from receptance.diagnosis.table_noise import with_table_noise
 from receptance.diagnosis.thresholds import (
     BEYOND_NOISE,
@@ -33,6 +32,7 @@ from receptance.diagnosis.thresholds import (
     LOOK_ALIKE,
     MARGIN,
 )
+from receptance.diagnosis.unknown_spindle import ChooseModes
 from receptance.diagnosis.verdict import Verdict
 from receptance.diagnosis.wording import implausible
 from receptance.errors import ReceptanceError

@@ -42,7 +42,9 @@ from receptance.fit.problem import CONVERGED, End, InfeasibleError, Problem, Tas
 from receptance.fit.result import Identification
 from receptance.fit.search import Start, fit_direct, fit_staged
 
-_MODE = re.compile(r".+\.mode\[\d+\]\.frequency_hz")
+MODE_NUMBER = re.compile(r"(.+)\.mode\[\d+\]\.")
+"""Beginning of the address of a number of a mode of a terminal."""
+MODE_FREQUENCY = re.compile(MODE_NUMBER.pattern + "frequency_hz")
 """Address of the natural frequency of a mode of a terminal."""
 
 
@@ -196,7 +198,7 @@ class Fit:
 
 def count_unknown_modes(model: Model) -> int:
     """Return the number of modes of modal parts whose natural frequencies are unknowns."""
-    return sum(_MODE.fullmatch(unknown.address) is not None for unknown in model.unknowns)
+    return sum(MODE_FREQUENCY.fullmatch(unknown.address) is not None for unknown in model.unknowns)
 
 
 def fit_base(model: Model, *, continuations: int = CONTINUED_BASE) -> Fit:
@@ -242,7 +244,7 @@ def refit(model: Model, start: Mapping[str, float], *, evaluations: int = 0) -> 
         Number of evaluations that led to the start.
     """
     problem = model.problem
-    end = problem.fit_one(_vector(model.task, start), EVALUATIONS, least=CONVERGED)
+    end = problem.fit_one(model.task.variables.vector_of(start), EVALUATIONS, least=CONVERGED)
     if not np.isfinite(end.cost):
         raise ReceptanceError(f"the model cannot be evaluated at any start of the fit: {problem.reason(end.x)}")
     fit = _fit_of(model, end, evaluations)
@@ -297,7 +299,7 @@ class DiscrepancyFit:
 
 def fit_discrepancy(model: Model, start: Mapping[str, float]) -> DiscrepancyFit:
     """Return the fit of a model that allows for its discrepancy, from values of unknowns by name."""
-    return DiscrepancyFit(model, discrepancy_fit.fit_discrepancy(model.task, _vector(model.task, start)))
+    return DiscrepancyFit(model, discrepancy_fit.fit_discrepancy(model.task, model.task.variables.vector_of(start)))
 
 
 def sufficient(fit: DiscrepancyFit) -> DiscrepancyFit:
@@ -313,7 +315,7 @@ def continued(fit: Fit) -> Fit:
 
 def evaluate(model: Model, values: Mapping[str, float], *, evaluations: int = 0) -> Fit:
     """Return a model on all lines at given values, without a fit; parameters as in `refit`."""
-    x = _vector(model.task, values)
+    x = model.task.variables.vector_of(values)
     try:
         residual = model.problem.value(x)
     except InfeasibleError:
@@ -323,7 +325,7 @@ def evaluate(model: Model, values: Mapping[str, float], *, evaluations: int = 0)
 
 def with_null(model: Model, fit: Fit) -> Fit:
     """Return a model with a further cause, not evaluated: with the values and chi-square of the fit without it."""
-    found = Fit(model, _vector(model.task, fit.values), fit.chi_square, fit.converged)
+    found = Fit(model, model.task.variables.vector_of(fit.values), fit.chi_square, fit.converged)
     found.__dict__["adequacy"] = fit.adequacy
     return found
 
@@ -414,13 +416,13 @@ def best_start(model: Model, values: Mapping[str, float], name: str, grid: Seque
         Values that are compared.
     """
     problem = _problem_on_few_lines(model)
-    return min(grid, key=lambda value: problem.cost(_vector(model.task, {**values, name: value})))
+    return min(grid, key=lambda value: problem.cost(model.task.variables.vector_of({**values, name: value})))
 
 
 def _short_fits(
     model: Model, problem: Problem, starts: Sequence[Mapping[str, float]], *, far: bool = False
 ) -> list[End]:
-    vectors = np.array([_vector(model.task, values) for values in starts]).reshape(len(starts), -1)
+    vectors = np.array([model.task.variables.vector_of(values) for values in starts]).reshape(len(starts), -1)
     if far:
         free = np.arange(vectors.shape[1]) < model.task.parameters.count
         vectors = np.array([end.x for end in problem.fit(vectors, EVALUATIONS_EXPLORING, free=free, least=CONVERGED)])
@@ -459,10 +461,3 @@ def _expected_on_few_lines(model: Model) -> float:
 def _differ(x: NDArray[np.float64], other: NDArray[np.float64], task: Task) -> bool:
     low, high = task.variables.limits
     return bool(np.max(np.abs(x - other) / (high - low)) > DIFFERENT_END)
-
-
-def _vector(task: Task, values: Mapping[str, float]) -> NDArray[np.float64]:
-    """Return the variables of values by name, within their bounds."""
-    unknowns = task.variables.unknowns
-    chosen = [min(max(float(values.get(u.name, u.start or 0.0)), u.lower), u.upper) for u in unknowns]
-    return task.variables.from_values(np.array(chosen, dtype=np.float64))

@@ -19,6 +19,9 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.diagnosis.wording import implausible, names, odds
 
+_LISTED_SIZES = 3
+"""Most sizes that are listed with a doubt."""
+
 Answer = Literal["adequate", "undecided", "named", "suspected", "ambiguous", "partly explained", "unexplained"]
 """The answer of a diagnosis."""
 
@@ -211,9 +214,10 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
         )
     large = one.extraordinary if len(one.steps) > 1 else ()
     if large:
-        sizes = ", ".join(f"{size} = {one.fit.values[size]:.3g}" for size in large)
+        sizes = ", ".join(f"{size} = {one.fit.values[size]:.3g}" for size in large[:_LISTED_SIZES])
+        more = f" and {len(large) - _LISTED_SIZES} more" if len(large) > _LISTED_SIZES else ""
         yield (
-            f"{sizes} is large for a cause beside another one, and an effect that is not in "
+            f"{sizes}{more} is large for a cause beside another one, and an effect that is not in "
             "the catalogue may act in place of both"
         )
     before = base.adequacy

@@ -254,8 +254,26 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 def _polarity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
-    changed = model.map_receptances(lambda one: altered(one, receptance=-one.receptance))
-    yield Variant("all", changed)
+    yield Variant("all", model.map_receptances(lambda one: altered(one, receptance=-one.receptance)))
+    places = dict.fromkeys(_sensor_place(one) for one in model.witnesses or model.observations if one.is_receptance)
+    for place in places if len(places) > 1 else ():
+
+        def change(observation: Observation, place: tuple[str, float | Literal["end"]] = place) -> Observation:
+            reverse = _sensor_place(observation) == place
+            return altered(observation, receptance=-observation.receptance) if reverse else observation
+
+        part, position = place
+        name = f"sensor on {part} at " + (position if isinstance(position, str) else f"{1e3 * position:g} mm")
+        yield Variant(
+            name,
+            model.map_receptances(change),
+            meaning=f"the {name} points the other way: its FRFs have the wrong sign, those of other places have not",
+        )
+
+
+def _sensor_place(observation: Observation) -> tuple[str, float | Literal["end"]]:
+    response = observation.response
+    return response.part or next(iter(observation.assembly.elements)), response.position
 
 
 def _quantity_of(order: int) -> str:

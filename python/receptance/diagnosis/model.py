@@ -84,12 +84,15 @@ class Model:
     def with_witnesses(self) -> Model:
         """Return the model with what causes need of all its lines, which models of fewer lines keep.
 
-        These are one observation for each set of places as its witnesses, and the time of a truncation.
+        These are one observation for each set of places with one of the sensor as its witnesses, and the time of a
+        truncation.
         """
-        kept: dict[tuple[tuple[str | float, ...], ...], Observation] = {}
+        kept: dict[tuple[object, ...], Observation] = {}
         for observation in self.observations:
             parts = [name for name, element in observation.assembly.elements.items() if isinstance(element, Part)]
-            kept.setdefault(tuple((name, *sorted(places_on(observation, name))) for name in parts), observation)
+            places = [(name, *sorted(places_on(observation, name))) for name in parts]
+            sensor = (observation.response.part, observation.response.position) if observation.is_receptance else ()
+            kept.setdefault((*places, sensor), observation)
         return replace(self, witnesses=tuple(kept.values()), truncation=truncation_time(self.receptances))
 
     @cached_property

@@ -51,8 +51,8 @@ class Direction:
 
     @property
     def count(self) -> int:
-        """Number of its parameters; a secondary one with a prior is no more free than an error of a tolerance."""
-        return sum(not (parameter.secondary and parameter.prior) for parameter in self.parameters.values())
+        """Number of its parameters for which evidence has a penalty."""
+        return sum(parameter.penalised for parameter in self.parameters.values())
 
     @property
     def far(self) -> bool:

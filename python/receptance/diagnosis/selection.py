@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.diagnosis.alternatives import ALTERNATIVES
-from receptance.diagnosis.causes import Cause, Step, extend
+from receptance.diagnosis.causes import Cause, Step, extend, parameters_of
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
 from receptance.diagnosis.fitting import (
     Exploration,
@@ -41,15 +41,7 @@ from receptance.diagnosis.screening import (
     rank,
     scores_beside,
 )
-from receptance.diagnosis.starts import (
-    ChooseModes,
-    fit_again,
-    fit_levels,
-    fit_with_modes,
-    has_levels,
-    starts_from_singles,
-    starts_of,
-)
+from receptance.diagnosis.starts import fit_again, fit_levels, has_levels, starts_from_singles, starts_of
 from receptance.diagnosis.thresholds import (
     ADDED_CAUSES,
     ADDED_EVIDENCE,
@@ -67,6 +59,7 @@ from receptance.diagnosis.thresholds import (
     STRAIN_CHANCE,
     VARIANTS_AGAIN,
 )
+from receptance.diagnosis.unknown_spindle import ChooseModes, fit_with_modes, with_any_spindle
 from receptance.errors import ReceptanceError
 from receptance.fit.adequacy import MISFIT_LIMIT
 from receptance.fit.discrepancy import Discrepancy
@@ -187,16 +180,15 @@ class Search:
     def screen(self, model: Model, choose: ChooseModes | None = None) -> tuple[Model, Explanation] | None:
         """Fit all single causes, or return the model with other modes and a cause with which to start again.
 
-        `model` is the one without a cause that is diagnosed. Where no single cause is adequate, its unknown modes are
-        chosen again beside those that take most of the misfit, the leading one first. Changes of the data come before
-        all others: modes of data of another quantity say nothing.
+        `model` is the one without a cause that is diagnosed. Its unknown modes are chosen again beside the causes that
+        take most of the misfit, the leading one first. These are the causes that lead with the spindle eliminated where
+        the fits beside the modes say nothing, else the single causes, if none is adequate.
         """
         own, base = self.selection, self.selection.base
         try:
-            if choose is not None and not base.adequacy.passed:
-                changes, _ = list_variants(base, [cause for cause in self._causes if cause.changes_data])
-                data = [(Step(cause, variant.name), with_null(variant.model, base)) for cause, variant in changes]
-                if again := self._beside_modes(model, data, choose):
+            if choose is not None and base.adequacy.misfit > SCREENING_LIMIT:
+                again = self._beside_modes(model, self._lead_with_any_spindle(), choose)
+                if again is not None:
                     return again
             self.fit_singles()
             if choose is not None and not base.adequacy.passed and not any(one.passed for one in own.explanations):
@@ -207,19 +199,47 @@ class Search:
             own.interrupted = True
         return None
 
+    def _lead_with_any_spindle(self) -> list[tuple[Step, Fit]]:
+        """Return the causes that take most of the misfit whatever the spindle is, each with its sizes."""
+        base = self.selection.base
+        without = with_any_spindle(base.model)
+        if without is None:
+            return []
+        variants, _ = list_variants(base, self._causes)
+        steps = [Step(cause, variant.name) for cause, variant in variants]
+        self._report.plan("causes", len(steps))
+        # A change of the data has no start near that of the data as they are.
+        fits = [
+            partial(with_any_spindle, variant.model, None if cause.changes_data else without)
+            for cause, variant in variants
+        ]
+        titles = [f"{_title(step)}, whatever the spindle is" for step in steps]
+        least = LEAST_SHARE * (without.chi_square - without.expected)
+        gains: list[tuple[float, Step, Fit]] = []
+        for step, (_, variant), end in zip(steps, variants, self._each("causes", titles, fits), strict=True):
+            if end is None or without.chi_square - end.chi_square < least:
+                continue
+            count = sum(parameter.penalised for parameter in parameters_of(variant.model.unknowns).values())
+            gain = without.chi_square - end.chi_square - self.selection.penalty * count
+            gains.append((gain, step, evaluate(variant.model, {**base.values, **end.values})))
+        leading: dict[str, tuple[Step, Fit]] = {}
+        for _, step, fit in sorted(gains, key=lambda each: -each[0]):
+            leading.setdefault(step.cause.id, (step, fit))
+        return list(leading.values())[:LEADING_CAUSES]
+
     def _beside_modes(
         self, model: Model, candidates: Sequence[tuple[Step, Fit]], choose: ChooseModes
     ) -> tuple[Model, Explanation] | None:
         """Return the model with modes chosen beside the best of some causes, and this cause.
 
         They are tried until one explains all lines. The modes with the least chi-square, with a penalty for each
-        unknown, are used if it is less than that of the causes beside the modes of the base, else None is returned.
+        unknown, are used if it is less than that of the base and of the causes beside its modes, else None is returned.
         """
         self._report.plan("together", len(candidates))
         titles = [f"{_title(step)}, with modes chosen beside it" for step, _ in candidates]
         on_one_thread = replace(model, threads=1)
         fits = [partial(_fit_with_modes_or_none, on_one_thread, step, before, choose) for step, before in candidates]
-        least = min((self._size(before) for _, before in candidates), default=math.inf) - MARGIN
+        least = min(self._size(before) for before in (self.selection.base, *(fit for _, fit in candidates))) - MARGIN
         best: tuple[Model, Explanation] | None = None
         for (step, _), pair in zip(candidates, self._each("together", titles, fits), strict=True):
             if pair is None:
@@ -611,9 +631,11 @@ class Search:
         """
         own, stage = self.selection, "together" if steps else "causes"
         self._report.plan(stage, len(chosen))
-        is_other_quantity = False
+        is_other_quantity = is_decided = any(
+            single.steps[0].cause.changes_data and single.adequacy.of_lines for single in own.singles
+        )
         for direction in chosen:
-            if direction.cause.changes_data:
+            if direction.cause.changes_data and not is_decided:
                 self._report(stage, _title(*steps, direction.step))
                 try:
                     fit = fit_base(direction.variant.model)

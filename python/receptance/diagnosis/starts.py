@@ -2,20 +2,16 @@
 
 Free values at many levels, as of the drawbar force, are too many to be fitted together from their starting values. One
 level is fitted first, the others from the values of their neighbours, and shared unknowns start at the median of all.
-
-The modes of an unknown spindle are chosen from records that a cause may have changed: too few of them, with wrong
-shapes. Beside the right cause they are those of the spindle.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from receptance.diagnosis.causes import Step, parameters_of
 from receptance.diagnosis.fitting import Fit, best_start, fit_base, refit
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction
@@ -161,41 +157,6 @@ def _continue(levels: Sequence[_Level], before: Fit, report: Report) -> Iterator
             fit = min(fit, fit_base(level.model), key=lambda one: one.chi_square)
         yield fit.values
         before = fit
-
-
-ChooseModes = Callable[[Model], Model]
-"""Returns a model with the modes of its unknown spindles chosen again, beside the causes that it has."""
-
-
-def fit_with_modes(model: Model, step: Step, before: Fit, choose: ChooseModes) -> tuple[Model, Fit]:
-    """Return a model whose modes are chosen beside a cause, and its fit with this cause.
-
-    Parameters
-    ----------
-    model : Model
-        The model without the cause.
-    step : Step
-        The cause.
-    before : Fit
-        A fit with the cause and other modes: its sizes from which the choice starts.
-    choose : callable
-        Chooses the modes.
-    """
-    causes = parameters_of(before.model.unknowns)
-    sized = tuple(
-        replace(unknown, start=before.values[unknown.name]) if unknown.name in causes else unknown
-        for unknown in before.model.unknowns
-    )
-    chosen = choose(replace(before.model, unknowns=sized))
-    fit = fit_base(chosen, continuations=0)
-    # A cause that divides a segment has changed the addresses of the tolerances, but not their names.
-    starts = {tolerance.name: tolerance.start for tolerance in chosen.tolerances}
-    without = replace(
-        model,
-        unknowns=tuple(unknown for unknown in chosen.unknowns if unknown.name not in causes),
-        tolerances=tuple(replace(tolerance, start=starts.get(tolerance.name, 0.0)) for tolerance in model.tolerances),
-    )
-    return without, refit(step.extend(without), fit.values, evaluations=fit.evaluations)
 
 
 def _group_levels(model: Model) -> list[list[_Level]]:

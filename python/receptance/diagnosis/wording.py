@@ -45,9 +45,21 @@ def size_texts(
     return texts
 
 
+_MOST_SIZES = 6
+"""Most sizes of a cause in a text."""
+
+
 def sizes(values: Mapping[str, tuple[float, float, float]], parameters: Mapping[str, Parameter]) -> str:
-    """Return the sizes of a cause, with units and 95 % intervals."""
-    return ", ".join(f"{size} (95 %: {interval})" for size, interval in size_texts(values, parameters))
+    """Return the sizes of a cause, with units and 95 % intervals; of many those that are the most significant."""
+
+    def significance(name: str) -> float:
+        value, low, high = values[name]
+        return abs(value - parameters[name].null) / max(high - low, 1e-300)
+
+    kept = sorted(values, key=significance, reverse=True)[:_MOST_SIZES]
+    texts = size_texts({name: value for name, value in values.items() if name in kept}, parameters)
+    shown = ", ".join(f"{size} (95 %: {interval})" for size, interval in texts)
+    return shown if len(values) <= _MOST_SIZES else f"{shown}, and {len(values) - _MOST_SIZES} less significant ones"
 
 
 def implausible(parameters: Mapping[str, Parameter], values: Mapping[str, float]) -> str:

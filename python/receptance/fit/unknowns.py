@@ -495,6 +495,11 @@ class Variables:
         # Ten to the logarithm of a bound may exceed it by rounding.
         return np.clip(result, *self.bounds)
 
+    def vector_of(self, values: Mapping[str, float]) -> NDArray[np.float64]:
+        """Return the variables of values by name, within their bounds; those without a value are at their start."""
+        chosen = [float(values.get(u.name, u.start or 0.0)) for u in self.unknowns]
+        return self.from_values(np.clip(np.array(chosen, dtype=np.float64), *self.bounds))
+
     def slopes(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivative of the values with respect to the variables."""
         return np.where(self.logarithmic, values * math.log(10.0), 1.0)

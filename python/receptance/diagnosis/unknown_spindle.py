@@ -1,0 +1,107 @@
+"""Causes beside a spindle whose modes are unknowns of the model.
+
+The modes are chosen from records that a cause may have changed: too many or too few of them, with wrong shapes. Beside
+the right cause they are those of the spindle, so they are chosen again there.
+
+Where the effect is large the fits of causes beside the first modes say nothing. But on each line the spindle has three
+complex numbers, whatever its modes are, and four or more records leave equations without them: causes are compared with
+the spindle eliminated line by line (`coupling.spindle_elimination`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from receptance.coupling.line_equations import TERMS
+from receptance.coupling.spindle_elimination import SpindleRecords
+from receptance.diagnosis.causes import Step, parameters_of
+from receptance.diagnosis.fitting import MODE_FREQUENCY, MODE_NUMBER, Fit, fit_base, refit
+from receptance.diagnosis.model import Model
+from receptance.errors import ReceptanceError
+from receptance.fit.unknowns import Unknown
+
+ChooseModes = Callable[[Model], Model]
+"""Returns a model with the modes of its unknown spindles chosen again, beside the causes that it has."""
+
+
+@dataclass(frozen=True)
+class AnySpindle:
+    """A model fitted to some of its lines, on each of them with the spindle that explains the records best."""
+
+    chi_square: float
+    expected: float
+    """Its expectation from noise and floor."""
+    values: dict[str, float]
+    """Values of the unknowns and errors before the plane, by name."""
+
+
+def with_any_spindle(model: Model, start: AnySpindle | None = None) -> AnySpindle | None:
+    """Return a model fitted whatever the spindle is, from its own starting values or from those of another one.
+
+    None where the records do not determine the spindle line by line, where the model has no value, and where causes
+    change the spindle: they have no meaning without its modes.
+    """
+    names = {match[1] for unknown in model.unknowns if (match := MODE_FREQUENCY.fullmatch(unknown.address))}
+    if len(names) != 1 or _moved_modes(model):
+        return None
+    (name,) = names
+    before = [unknown for unknown in model.unknowns if not unknown.address.startswith(f"{name}.")]
+    records = SpindleRecords.of(model.observations, before, name, model.tolerances, threads=1)
+    if records is None:
+        return None
+    records = records.thinned()
+    try:
+        spindle = records.eliminated(model.seed, None if start is None else start.values)
+    except (ReceptanceError, ValueError):
+        return None
+    if spindle is None:
+        return None
+    share = 1.0 - len(TERMS) / (records.count / (2 * records.lines_hz.size))
+    return AnySpindle(spindle.chi_square, share * records.independent_values, records.named(spindle.x))
+
+
+def _moved_modes(model: Model) -> list[Unknown]:
+    """Return the parameters of causes that move numbers of modes."""
+    causes = parameters_of(model.unknowns)
+    moved = [unknown for unknown in model.unknowns if unknown.name in causes]
+    return [unknown for unknown in moved if any(MODE_NUMBER.match(address) for address in unknown.addresses)]
+
+
+def fit_with_modes(model: Model, step: Step, before: Fit, choose: ChooseModes) -> tuple[Model, Fit]:
+    """Return a model whose modes are chosen beside a cause, and its fit with this cause.
+
+    Beside a cause that changes the spindle in some configurations the modes are those of the others.
+
+    Parameters
+    ----------
+    model : Model
+        The model without the cause.
+    step : Step
+        The cause.
+    before : Fit
+        A fit with the cause and other modes: its sizes from which the choice starts.
+    choose : callable
+        Chooses the modes.
+    """
+    causes = parameters_of(before.model.unknowns)
+    sized = tuple(
+        replace(unknown, start=before.values[unknown.name]) if unknown.name in causes else unknown
+        for unknown in before.model.unknowns
+    )
+    extended = replace(before.model, unknowns=sized)
+    changed = {name for unknown in _moved_modes(extended) for name in unknown.configurations or ()}
+    others = extended.without(changed) if changed else extended
+    chosen = choose(others)
+    fit = fit_base(chosen, continuations=0)
+    # Unknowns that only the changed configurations have.
+    seen = {unknown.name for unknown in others.unknowns}
+    unseen = [unknown for unknown in model.unknowns if unknown.name not in seen]
+    # A cause that divides a segment has changed the addresses of the tolerances, but not their names.
+    starts = {tolerance.name: tolerance.start for tolerance in chosen.tolerances}
+    without = replace(
+        model,
+        unknowns=(*(unknown for unknown in chosen.unknowns if unknown.name not in causes), *unseen),
+        tolerances=tuple(replace(tolerance, start=starts.get(tolerance.name, 0.0)) for tolerance in model.tolerances),
+    )
+    return without, refit(step.extend(without), fit.values, evaluations=fit.evaluations)
