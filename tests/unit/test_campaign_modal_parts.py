@@ -9,9 +9,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 
-from receptance import FRF, Assembly, Coordinate, MeasuredPart, ModalPart, Mode, Part, PointJoint, Segment, campaign, io
+from campaign_lines import merged
+from receptance import (
+    FRF,
+    Assembly,
+    Coordinate,
+    MeasuredPart,
+    ModalPart,
+    Mode,
+    Part,
+    PointJoint,
+    PointMass,
+    Segment,
+    campaign,
+    io,
+)
 from receptance.campaign import CampaignCheck, CampaignError
+from receptance.campaign.write import with_campaign_lines
 from receptance.cli import main
 from receptance.diagnosis.causes import Cause, Parameter, Variant
 from receptance.diagnosis.model import Model
@@ -118,11 +134,12 @@ draws = 50
 """
 
 
-def true_machine(overhang: float = 0.07, modes: tuple[Mode, ...] = MODES) -> Assembly:
+def true_machine(overhang: float = 0.07, modes: tuple[Mode, ...] = MODES, *points: PointMass) -> Assembly:
     tool = Part([Segment(length=overhang, outer_diameter=0.016, material=STEEL)], name="tool")
     joint = PointJoint(k_y=3e8, k_theta=4e4, c_y=100.0, c_theta=2.0, name="joint")
     holder = Part([Segment(length=0.09, outer_diameter=0.045, material=STEEL)], name="holder")
-    return Assembly([tool, joint, holder, ModalPart(modes=modes, residual_y=2e-9, residual_theta=3e-7, name="spindle")])
+    spindle = ModalPart(modes=modes, residual_y=2e-9, residual_theta=3e-7, name="spindle")
+    return Assembly([tool, joint, holder, spindle], points)
 
 
 def highest_lines(assembly: Assembly) -> np.ndarray:
@@ -132,12 +149,18 @@ def highest_lines(assembly: Assembly) -> np.ndarray:
     return lines[1:-1][(size[1:-1] > size[:-2]) & (size[1:-1] > size[2:])]
 
 
-def write_campaign(folder: Path, text: str = HEAD, modes: tuple[Mode, ...] = MODES, step: int = 1) -> campaign.Campaign:
-    """Write FRFs of the roving hammer with 1 % noise, seed 5, on every `step`th line, and the campaign, and load it."""
+def write_campaign(
+    folder: Path, text: str = HEAD, modes: tuple[Mode, ...] = MODES, step: int = 1, sensor: float = 0.0
+) -> campaign.Campaign:
+    """Write FRFs of the roving hammer with 1 % noise, seed 5, on every `step`th line, and the campaign, and load it.
+
+    `sensor` is a mass at the response that the campaign does not have.
+    """
     rng = np.random.default_rng(5)
     lines = LINES[::step]
     for response, excitation in (*HITS, HELD_OUT):
-        h = true_machine(modes=modes).receptance(
+        mass = PointMass(mass=sensor, part=PLACES[response][0], position=PLACES[response][1])
+        h = true_machine(0.07, modes, mass).receptance(
             lines, response=Coordinate(*PLACES[response]), excitation=Coordinate(*PLACES[excitation])
         )
         noise = 0.01 * (rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size))
@@ -406,6 +429,31 @@ def test_a_cause_that_changes_the_modal_part_is_written(tmp_path: Path) -> None:
     added = [value for name, value in fit.values.items() if not name.startswith("joint.")]
     assert added == pytest.approx([0.15], rel=0.05)
     assert fit.rms == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("modes", ['"auto"', "4"])
+def test_a_cause_beside_unknown_modes_is_written(tmp_path: Path, modes: str) -> None:
+    """All records have a stated sensor, so that the mass that is missing there is written for each place."""
+    text = AUTOMATIC.replace("[{}, {}]", modes).replace("starts = 4", "starts = 1")
+    text += '[sensors.light]\nmass = "1 g"\n'
+    write_campaign(tmp_path, text, step=4, sensor=0.02)
+    file = tmp_path / "campaign.toml"
+    file.write_text(file.read_text().replace('kind = "frf"\n', 'kind = "frf"\nsensor = "light"\n'))
+    given = campaign.load(file)
+    found = given.diagnose(["sensor_mass", "calibration_gain"], fast=True)
+    assert found.explanation is not None
+    assert [cause.id for cause in found.causes] == ["sensor_mass"]
+    again = campaign.load(campaign.write_extended(given, found, tmp_path / "extended.toml"))
+    assert again.identify().rms == pytest.approx(found.explanation.fit.misfit**0.5, abs=0.05)
+    # The lines of the answer leave the modes to the next fit.
+    lines = with_campaign_lines(given, found).campaign_lines
+    assert not any("spindle" in line for line in lines)
+    shorter = tmp_path / "shorter.toml"
+    shorter.write_text(tomli_w.dumps(merged(given.contents, lines)))
+    fit = campaign.load(shorter).identify()
+    assert fit.rms == pytest.approx(1.0, abs=0.1)
+    assert fit.values["sensor_mass.mass"] == pytest.approx(0.019, rel=0.15)
 
 
 @pytest.mark.slow

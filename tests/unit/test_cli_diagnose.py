@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import os
-import re
-import tomllib
-from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import tomli_w
 
+from campaign_lines import merged
 from campaign_text import TEXT, write
 from command_line import call, interrupted
 from receptance import FRF, campaign, io
@@ -80,27 +75,6 @@ def test_gain_is_named_and_extended_campaign_written(capsys: pytest.CaptureFixtu
     gain = json.loads(Path("i.json").read_text())["parameters"]["calibration_gain.log_gain"]
     assert gain["value"] == pytest.approx(found["extended"]["calibration_gain.log_gain"], rel=1e-3)
     assert gain["value"] == pytest.approx(np.log(1.06), abs=3e-3)
-
-
-def merged(contents: dict[str, Any], lines: Sequence[str]) -> dict[str, Any]:
-    """Return the contents of a campaign file after the lines are added, those of several measurements to each."""
-
-    def add(table: dict[str, Any], more: dict[str, Any]) -> None:
-        for key, value in more.items():
-            if isinstance(value, dict):
-                add(table.setdefault(key, {}), value)
-            else:
-                table[key] = value
-
-    found = copy.deepcopy(contents)
-    new = tomllib.loads("\n".join(lines))
-    for line, following in pairwise(lines):
-        if following.startswith("# the same for "):
-            (same,) = re.findall(r"\[measurements\.(\w+)", line)
-            for other in following.removeprefix("# the same for ").split(", "):
-                new["measurements"][other] = new["measurements"][same]
-    add(found, new)
-    return found
 
 
 @pytest.mark.filterwarnings("ignore::receptance.errors.ReceptanceWarning")

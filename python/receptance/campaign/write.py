@@ -19,6 +19,7 @@ from receptance._files import write_whole
 from receptance.campaign.build import addresses_of
 from receptance.campaign.data import CampaignData
 from receptance.campaign.diagnosis import base_model
+from receptance.campaign.identification import parts_to_start
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
 from receptance.campaign.values import PLAIN_NUMBER, kind_of
 from receptance.diagnosis import Verdict
@@ -222,6 +223,8 @@ def _extended(campaign: CampaignData, verdict: Verdict, folder: Path) -> dict[st
         _write_measurement(data, name, measurement, name in seen)
         if end is not None and measurement.given.is_receptance and measurement.given.force is None:
             data["measurements"][name]["ends"] = units.TIME.text(end)
+    for name in parts_to_start(campaign):
+        _write_modes(data, name, explanation.fit)
     _write_unknowns(data, base, explanation)
     _rebase_files(data, campaign.file.parent, folder)
     data["settings"] = {**data.get("settings", {}), "starts": 1}
@@ -374,20 +377,25 @@ def _write_temporary(data: dict[str, Any], name: str, attached: str, one: _Exten
     made = attachment_table(point)
     place = one.found.response if one.found.is_receptance else Coordinate()
     section = "attachments"
-    if (
-        made["kind"] == "mass"
-        and (point.part, point.position) == (place.part, place.position)
-        and "sensor" not in table
-    ):
+    at_response = made["kind"] == "mass" and (point.part, point.position) == (place.part, place.position)
+    if at_response and "sensor" not in table:
         section, made = "sensors", {key: made[key] for key in ("mass", "inertia") if key in made}
+    # One attachment at several places, or as a sensor and beside one, has as many names.
+    names = _names_of(data, attached)
+    attached = next((name for name in names if data.get(section, {}).get(name) == made), "") or (
+        f"{attached}_{len(names) + 1}" if names else attached
+    )
+    if section == "sensors":
         table["sensor"] = attached
     else:
         table["attachments"] = [*table.get("attachments", []), attached]
-    if data.get(section, {}).get(attached, made) != made or attached in data.get(_OTHER[section], {}):
-        raise ValueError(
-            f"{attached} is at different places in different measurements, which a campaign file cannot describe"
-        )
     data.setdefault(section, {})[attached] = made
+
+
+def _names_of(data: Mapping[str, Any], attached: str) -> list[str]:
+    """Return the names under which an attachment of a cause is written."""
+    tables = [name for section in _OTHER for name in data.get(section, {})]
+    return [name for name in tables if name == attached or re.fullmatch(rf"{attached}_\d+", name)]
 
 
 def _integrations(given: Observation, found: Observation) -> int:
@@ -399,6 +407,21 @@ def _integrations(given: Observation, found: Observation) -> int:
         if np.allclose(found.receptance * angular**order, given.receptance, rtol=1e-9, atol=0.0):
             return order
     raise ValueError(f"{given!r}: a cause changes its data in a way that a campaign file cannot describe")
+
+
+def _write_modes(data: dict[str, Any], name: str, fit: Fit) -> None:
+    """Write the modal part of an unknown spindle with the modes of a fit, whose numbers are among the unknowns."""
+    spindle = next(o.assembly.elements[name] for o in fit.model.observations if name in o.assembly.elements)
+    if not isinstance(spindle, ModalPart):
+        raise TypeError(f"{name!r} is {spindle!r}, expected a modal part")
+    numbers = {
+        unknown.address.removeprefix(f"{name}."): fit.values[unknown.name]
+        for unknown in fit.model.unknowns
+        if unknown.address.startswith(f"{name}.")
+    }
+    count = sum(f"mode[{i}].frequency_hz" in numbers for i in range(len(spindle.modes)))
+    written = replace(spindle, modes=spindle.modes[:count]).with_values(numbers)
+    data["modal_parts"][name] = _element_table(written, _Materials())
 
 
 def _write_unknowns(data: dict[str, Any], base: Model, explanation: Explanation) -> None:
@@ -427,8 +450,14 @@ def _write_unknowns(data: dict[str, Any], base: Model, explanation: Explanation)
             if isinstance(unknown, Move) and unknown.name in of_measurement and unknown.configurations is None:
                 # What belongs to the measurement does not act in assemblies that are only predicted.
                 unknown = replace(unknown, configurations=tuple(measured))
+            owner, _, field = unknown.address.rpartition(".")
+            names = _names_of(data, owner) if owner.startswith("cause_") else []
+            copies = {f"{name}.{field}": unknown.multiple for name in names if name != owner}
+            if copies:
+                unknown = replace(unknown, name=unknown.name, also={**unknown.also, **copies})
             tables[key] = _unknown_table(unknown, values[unknown.name])
-            _write_found(data, key, tables[key].get("start"), unknown.configurations)
+            for address in (key, *copies):
+                _write_found(data, address, tables[key].get("start"), unknown.configurations)
     # Unknowns that no measurement depends on remain unchanged.
     data["unknowns"] = {**written, **tables}
 
@@ -563,6 +592,17 @@ def _changed_lines(campaign: CampaignData, verdict: Verdict) -> tuple[str, ...]:
         if "start" in table and (given := before.get("unknowns", {}).get(name)) is not None:
             table.pop("start")
             table |= {"start": given["start"]} if "start" in given else {}
+    for name in parts_to_start(campaign):
+        # The modes are chosen again beside the cause, unless it moves them.
+        if any(
+            address.startswith(f"{name}.mode[")
+            for table in after["unknowns"].values()
+            for address in table.get("moves", ())
+        ):
+            return ()
+        after["modal_parts"][name] = before["modal_parts"][name]
+        new = set(after["unknowns"]) - set(before.get("unknowns", {}))
+        after["unknowns"] = {k: v for k, v in after["unknowns"].items() if k not in new or not k.startswith(f"{name}.")}
     changed = _shortened(_changes(before, after))
     # Measurements with the same lines share them.
     groups: dict[str, tuple[dict[str, Any], list[str]]] = {}
