@@ -47,9 +47,9 @@ _FREQUENCY = 2.0
 """Factor between bounds and start of a given natural frequency: holder and tool change those of the spindle."""
 _BELOW = 4.0
 """Factor between the first line and the lower bound of other natural frequencies."""
-_BEYOND = 1.5
-"""Factor between their upper bound and the last line. A mode far beyond has the effect of a residual, and a fit with
-both moves along a valley."""
+_BEYOND = 3.0
+"""Factor between their upper bound and the last line. A nearer bound holds modes where the spindle has none, and the
+holder's density makes up for it; a mode farther beyond has the effect of a residual."""
 _ABOVE = 1.05
 """Ratio of a natural frequency to the last line from which a mode is above the lines."""
 _KEPT = (4, 5)
