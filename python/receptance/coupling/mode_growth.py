@@ -28,6 +28,10 @@ from receptance.coupling.line_equations import Equations
 QUANTITIES = ("frequency_hz", "damping_ratio", "y", "theta", "y_imaginary", "theta_imaginary")
 """Numbers of a mode in the order of all arrays here."""
 _Y, _THETA = 2, 3
+_AT_LIMIT = 1e-3
+"""Relative distance from the end of its side at which a mode is held there."""
+_ACROSS = 1.3
+"""Ratio of the start of a mode above the lines to the limit at which it was held."""
 _POLES = 60
 """Natural frequencies at which a further mode is tried."""
 _RATIOS = (0.01, 0.05)
@@ -219,8 +223,38 @@ class ModeGrowth:
         return self._end(np.array(residuals, dtype=np.float64) / self._entry_scale, np.empty((0, 6, 2)))
 
     def fitted(self, start: FittedModes) -> FittedModes:
-        """Return the fit from a start."""
+        """Return the fit from a start.
+
+        A mode that is held at the limit between the sides moves to the other one if the fit is better with it there.
+        """
+        fit = self._refitted(start)
+        for index in range(len(fit.modes)):
+            other = self._on_other_side(fit, index)
+            if other is not None:
+                fit = min(fit, self._refitted(other), key=lambda end: end.chi_square)
+        return fit
+
+    def _refitted(self, start: FittedModes) -> FittedModes:
         return self._end(self._variables(start), start.bounds, _EVALUATIONS_AGAIN, _LEAST_DECREASE)
+
+    def _on_other_side(self, fit: FittedModes, index: int) -> FittedModes | None:
+        """Return a start with a mode on the other side of the limit; None where the mode is not at it."""
+        if self.below is None:
+            return None
+        limit, ends = self.above[index, 0, 0], self.below[index, 0]
+        if not ends[0] < limit == ends[1] or abs(fit.modes[index, 0] / limit - 1.0) > _AT_LIMIT:
+            return None
+        modes, bounds = fit.modes.copy(), fit.bounds.copy()
+        if fit.bounds[index, 0, 1] == limit:
+            bounds[index] = self.above[index]
+            modes[index, 0] *= _ACROSS
+            # With the same compliance at the last line.
+            last = self.lines_hz.real[-1]
+            modes[index, 2:4] *= np.sqrt((modes[index, 0] ** 2 - last**2) / (limit**2 - last**2))
+        else:
+            bounds[index] = self.below[index]
+            modes[index, 0] = self.lines_hz.real[-1]
+        return replace(fit, modes=np.clip(modes, bounds[..., 0], bounds[..., 1]), bounds=bounds)
 
     def with_next(self, start: FittedModes) -> FittedModes:
         """Return the best fit with a further mode."""
