@@ -152,6 +152,11 @@ class SpindleRecords:
         """Effective number of independent real numbers of the records."""
         return sum(record.independent_values for record in self._records)
 
+    @property
+    def share_of_residuals(self) -> float:
+        """Share of the real numbers that is left where each line has a spindle of its own."""
+        return 1.0 - len(TERMS) / len(self._records)
+
     def eliminated(self, seed: int, start: Mapping[str, float] | None = None) -> SpindleLines | None:
         """Return spindle and variables that explain the records best.
 

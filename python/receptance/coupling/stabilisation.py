@@ -159,14 +159,17 @@ class Stabilisations(Results[Stabilisation]):
         )
 
 
-def up_to_least(steps: Iterable[FittedModes], values: float) -> tuple[FittedModes, ...]:
-    """Return the fits up to the least criterion, and those after it that show that it is the least."""
+def up_to_least(steps: Iterable[FittedModes], values: float, near: float = float("inf")) -> tuple[FittedModes, ...]:
+    """Return the fits up to the least criterion, and those after it that show that it is the least.
+
+    As long as chi-square is above `near` they show nothing: the first modes may be in the wrong places.
+    """
     fits: list[FittedModes] = []
     criteria: list[float] = []
     for fit in steps:
         fits.append(fit)
         criteria.append(criterion(fit, values))
-        if len(fits) - 1 - int(np.argmin(criteria)) >= _PATIENCE:
+        if min(fit.chi_square for fit in fits) < near and len(fits) - 1 - int(np.argmin(criteria)) >= _PATIENCE:
             break
     return tuple(fits)
 

@@ -214,7 +214,11 @@ def start_modes(
     if spindle is not None:
         near = _NEAR * spindle.chi_square
         steps = part.steps(records.lines_hz, _residuals_on(spindle), records.about, near)
-        fit, chosen = _fit_of_modes(part.name, steps, records, observed, by_evidence=by_evidence, further=further)
+        # Of the numbers of a line the spindle takes its terms.
+        explained = near / records.share_of_residuals
+        fit, chosen = _fit_of_modes(
+            part.name, steps, records, observed, by_evidence=by_evidence, further=further, near=explained
+        )
         # Modes far from the records move everything before the plane beyond the range of its linear effect.
         about = records.about(fit.before, fit.entries) if fit.chi_square < near else None
         values = records.named(spindle.x if about is None else about.x)
@@ -248,10 +252,11 @@ def _fit_of_modes(
     *,
     by_evidence: bool,
     further: int,
+    near: float = float("inf"),
 ) -> tuple[FittedModes, Stabilisation]:
     """Return the fit that is used, see `Stabilisation.used`, and the fits with each number of modes."""
     frf = next(o for o in observed if o.is_receptance and name in o.assembly.elements)
-    fits = up_to_least(steps, records.independent_values) if by_evidence else tuple(steps)
+    fits = up_to_least(steps, records.independent_values, near) if by_evidence else tuple(steps)
     stabilisation = Stabilisation(
         name=name,
         fits=fits,

@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from receptance.coupling.line_equations import TERMS
 from receptance.coupling.spindle_elimination import SpindleRecords
 from receptance.diagnosis.causes import Step, parameters_of
 from receptance.diagnosis.fitting import MODE_FREQUENCY, MODE_NUMBER, Fit, fit_base, refit
@@ -57,8 +56,8 @@ def with_any_spindle(model: Model, start: AnySpindle | None = None) -> AnySpindl
         return None
     if spindle is None:
         return None
-    share = 1.0 - len(TERMS) / (records.count / (2 * records.lines_hz.size))
-    return AnySpindle(spindle.chi_square, share * records.independent_values, records.named(spindle.x))
+    expected = records.share_of_residuals * records.independent_values
+    return AnySpindle(spindle.chi_square, expected, records.named(spindle.x))
 
 
 def _moved_modes(model: Model) -> list[Unknown]:
