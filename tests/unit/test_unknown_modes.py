@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from receptance import STEEL, Assembly, Coordinate, ModalPart, Mode, Observation, Part, PointJoint, Segment, Tolerance
-from receptance.coupling.mode_growth import QUANTITIES, ModeGrowth, SpindleResiduals, of_records
+from receptance.coupling.mode_growth import QUANTITIES, FittedModes, ModeGrowth, SpindleResiduals, of_records
 from receptance.coupling.spindle_elimination import SpindleRecords, unexplained
-from receptance.coupling.stabilisation import Stabilisation, Stabilisations
+from receptance.coupling.stabilisation import Stabilisation, Stabilisations, up_to_least
 from receptance.coupling.unknown_modes import bounds_of_modes, start_modes
 from receptance.errors import ReceptanceError
 from receptance.fit import Unknown, identify
@@ -257,6 +257,51 @@ def test_a_mode_stays_on_its_side_of_the_last_line() -> None:
     assert beyond, SEED
     # Such a mode has a real shape.
     assert not {f"{mode}{part}_imaginary" for mode in beyond for part in ("y", "theta")} & {u.address for u in unknowns}
+
+
+def test_a_mode_that_is_held_at_the_limit_moves_to_the_other_side() -> None:
+    """With a complex shape at the limit it stands for a mode far beyond."""
+    far = Mode(frequency_hz=5500.0, damping_ratio=0.02, y=0.8, theta=-6.0)
+    limit = 1.05 * LINES[-1]
+    spindle_records = SpindleRecords.of(records(0.0005, modes=(*MODES, far)), joint(1.0), "spindle")
+    entries = machine(*TRUE.values(), modes=(*MODES, far)).elements["spindle"].entries(LINES)
+    lines = spindle_records.about(spindle_records.starts(1, 0)[0], entries)
+    wide = growth(lines.residuals(), 3)
+    above = wide.bounds.copy()
+    above[:, 0, 0], above[:, 0, 1], above[:, 4:] = limit, 3.0 * LINES[-1], 0.0
+    below = wide.bounds.copy()
+    below[:, 0, 1] = limit
+    two_sided = replace(wide, below=below, above=above)
+    numbers = [[getattr(mode, name) for name in QUANTITIES] for mode in MODES]
+    held = FittedModes(
+        modes=np.array([*numbers, [limit, 0.1, 0.4, -3.0, 0.1, -0.5]]),
+        bounds=below,
+        residuals=np.array([2e-9, 3e-7, 1e-8]),
+        chi_square=np.inf,
+        before=np.empty(0),
+        entries=entries,
+    )
+    fit = two_sided.fitted(held)
+    assert fit.modes[2, 0] == pytest.approx(5500.0, rel=0.1), SEED
+    assert fit.free == 16  # a real shape above the limit
+    assert fit.chi_square < 2.0 * lines.chi_square
+
+
+def test_modes_are_added_as_long_as_they_do_not_explain_the_records() -> None:
+    def fit(chi_square: float) -> FittedModes:
+        none = np.empty((0, 6))
+        return FittedModes(
+            modes=none,
+            bounds=np.empty((0, 6, 2)),
+            residuals=np.zeros(3),
+            chi_square=chi_square,
+            before=np.empty(0),
+            entries=np.empty((0, 3), dtype=np.complex128),
+        )
+
+    sums = [1e6, 1e5, 1.1e5, 1.2e5, 1e3, 1e3, 1e3, 1e3, 1e3]
+    assert len(up_to_least(map(fit, sums), 1000.0)) == 4
+    assert len(up_to_least(map(fit, sums), 1000.0, near=2e3)) == 7
 
 
 def test_a_diagnosis_has_further_modes() -> None:
