@@ -47,9 +47,12 @@ _FREQUENCY = 2.0
 """Factor between bounds and start of a given natural frequency: holder and tool change those of the spindle."""
 _BELOW = 4.0
 """Factor between the first line and the lower bound of other natural frequencies."""
-_BEYOND = 3.0
-"""Factor between their upper bound and the last line. A nearer bound holds modes where the spindle has none, and the
-holder's density makes up for it; a mode farther beyond has the effect of a residual."""
+_BEYOND = 1.5
+"""Factor between their upper bound and the last line. A mode far beyond has the effect of a residual, and a fit with
+both moves along a valley."""
+_FAR = 3.0
+"""The same factor where the records determine the spindle line by line. There a nearer bound would hold modes where the
+spindle has none, and the density of the holder would make up for it."""
 _ABOVE = 1.05
 """Ratio of a natural frequency to the last line from which a mode is above the lines."""
 _KEPT = (4, 5)
@@ -379,7 +382,7 @@ class _Modes:
         """
         residuals = [getattr(self.part, quantity) for quantity in RESIDUALS]
         limits = np.array([self._bounds(name, value) for name, value in zip(RESIDUALS, residuals, strict=True)])
-        below, above = self._on_both_sides(_ABOVE * float(lines_hz.real[-1]))
+        below, above = self._on_both_sides(float(lines_hz.real[-1]), far=not may_leave)
 
         def growth(lines: NDArray[np.intp]) -> ModeGrowth:
             return ModeGrowth(
@@ -453,17 +456,21 @@ class _Modes:
         unknown = self.unknowns.get(f"{self.name}.{quantity}")
         return (value, value) if unknown is None else (unknown.lower, unknown.upper)
 
-    def _on_both_sides(self, limit: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the bounds of each mode with a natural frequency below a limit, and those of one above it.
+    def _on_both_sides(self, last: float, *, far: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the bounds of each mode below the limit that belongs to a last line, and those of one above it.
 
-        They are the same for a mode whose numbers are in part described, or whose bounds are on one side.
+        They are the same for a mode whose numbers are in part described, or whose bounds are on one side. `far` is
+        whether a mode may be farther beyond than its bounds say, unless these are stated ones.
         """
+        limit = _ABOVE * last
         below = self._bounds_of_modes.copy()
         above = below.copy()
         for index, (low, high) in enumerate(below[:, 0]):
             if np.all(below[index, :, 0] < below[index, :, 1]) and low < limit < high:
                 below[index, 0, 1] = above[index, 0, 0] = limit
                 above[index, _KEPT] = self._described[index, _KEPT, None]
+                if far and np.isclose(high, _BEYOND * last, rtol=1e-6):
+                    above[index, 0, 1] = _FAR * last
         return below, above
 
 
