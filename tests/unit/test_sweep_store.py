@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+import zarr
 from scipy import stats
 
 from limits import LIMIT_S
@@ -131,6 +132,27 @@ def test_interruption_keeps_finished_blocks(tmp_path: Path) -> None:
     reported.clear()
     same(sweep(pair(), draw(100), measure(), store=tmp_path / "s", progress=reported.append), found)
     assert not reported
+
+
+def test_a_block_that_is_not_completely_written_is_missing(tmp_path: Path) -> None:
+    """A run was killed between the outputs of a block."""
+
+    def stop(reported: Any) -> None:
+        if reported.done >= 30:
+            raise KeyboardInterrupt
+
+    store = tmp_path / "s"
+    with pytest.raises(KeyboardInterrupt):
+        sweep(pair(), draw(100), measure(), store=store, block=10, progress=stop)
+    group = zarr.open_group(store, mode="r+")
+    for name, value in (("misfit", 1.0), ("valid", True)):
+        group[name][30:40] = value
+        with pytest.warns(ReceptanceWarning, match="70 of 100 candidates are missing"):
+            part = open_sweep(store).load()
+        assert part["valid"].dtype == bool
+        np.testing.assert_array_equal(part["valid"].values, np.arange(100) < 30)
+        np.testing.assert_array_equal(np.isnan(part["misfit"].values), np.arange(100) >= 30)
+    same(sweep(pair(), draw(100), measure(), store=store, block=10), sweep(pair(), draw(100), measure()))
 
 
 def test_store_of_another_sweep_is_unchanged(tmp_path: Path) -> None:

@@ -252,6 +252,7 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
         read; `sweep` with the same store repairs both.
     """
     require("sweep", "open_sweep")
+    import xarray as xr
     import zarr
 
     if not Path(path).is_dir():
@@ -260,8 +261,13 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
     with _reading(path):
         results = _opened(path)
         finished = results[_CHECKSUM].values != _ABSENT
+        written = np.repeat(finished, block)[: results.sizes[CANDIDATE]]
         for name, array in zarr.open_group(path, mode="r").arrays():
             blocks = finished.sum() if CANDIDATE in results[name].dims else array.nchunks
+            if name != _CHECKSUM and array.nchunks_initialized > blocks:
+                # A run that was killed leaves a block of which not all outputs are written.
+                done = xr.DataArray(written, dims=CANDIDATE)
+                results[name] = results[name] & done if results[name].dtype == bool else results[name].where(done)
             if name != _CHECKSUM and array.nchunks_initialized < blocks:
                 raise SweepError(
                     f"{path}: chunks of {name} are missing; run the same sweep with this store again to evaluate them"
