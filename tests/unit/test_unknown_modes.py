@@ -11,7 +11,7 @@ from receptance import STEEL, Assembly, Coordinate, ModalPart, Mode, Observation
 from receptance.coupling.mode_growth import QUANTITIES, FittedModes, ModeGrowth, SpindleResiduals, of_records
 from receptance.coupling.spindle_elimination import SpindleRecords, unexplained
 from receptance.coupling.stabilisation import Stabilisation, Stabilisations, up_to_least
-from receptance.coupling.unknown_modes import bounds_of_modes, start_modes
+from receptance.coupling.unknown_modes import _Modes, bounds_of_modes, start_modes
 from receptance.errors import ReceptanceError
 from receptance.fit import Unknown, identify
 from receptance.fit.covariance import covariance_of
@@ -302,6 +302,18 @@ def test_modes_are_added_as_long_as_they_do_not_explain_the_records() -> None:
     sums = [1e6, 1e5, 1.1e5, 1.2e5, 1e3, 1e3, 1e3, 1e3, 1e3]
     assert len(up_to_least(map(fit, sums), 1000.0)) == 4
     assert len(up_to_least(map(fit, sums), 1000.0, near=2e3)) == 7
+
+
+def test_unknowns_of_modes_are_in_the_order_of_their_frequencies() -> None:
+    """Whatever the order is in which a fit of everything leaves them."""
+    spindle = machine(1e9, 4e5, modes=(Mode(frequency_hz=1.0, damping_ratio=0.1, y=0.0, theta=0.0),) * 2)
+    bounds = bounds_of_modes("spindle", [{}, {}], {}, records())
+    modes = _Modes("spindle", spindle.elements["spindle"], {unknown.address: unknown for unknown in bounds})
+    swapped = {"spindle.mode[0].frequency_hz": 1500.0, "spindle.mode[1].frequency_hz": 520.0}
+    begun = [replace(u, start=swapped.get(u.address, u.start)) for u in bounds]
+    ordered = modes.ascending([*joint(1.0), *begun])
+    assert [u.address for u in ordered] == [u.address for u in [*joint(1.0), *bounds]]
+    assert [u.start for u in ordered if u.address.endswith("frequency_hz")] == [520.0, 1500.0]
 
 
 def test_a_diagnosis_has_further_modes() -> None:

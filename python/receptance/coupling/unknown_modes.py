@@ -435,7 +435,13 @@ class _Modes:
                 return unknown
             return replace(unknown, address=f"{self.name}.mode[{number[int(match[2])]}].{match[3]}")
 
-        return [renamed(unknown) for unknown in unknowns]
+        def place(unknown: Unknown) -> float:
+            match = _MODE.fullmatch(unknown.address)
+            if match is not None and match[1] == self.name:
+                return float(match[2])
+            return np.inf if unknown.address in self.unknowns else -1.0
+
+        return sorted(map(renamed, unknowns), key=place)
 
     @cached_property
     def _described(self) -> NDArray[np.float64]:
