@@ -11,7 +11,7 @@ from receptance.campaign.problems import errors_about
 from receptance.coupling.stabilisation import Stabilisations
 from receptance.diagnosis import Cause, Metric, Verdict, diagnose
 from receptance.diagnosis.by_mode import bias_of, slenderness_of
-from receptance.diagnosis.fitting import count_unknown_modes, fit_base
+from receptance.diagnosis.fitting import fit_base
 from receptance.diagnosis.held_out import FREQUENCIES, improvement, metrics_of
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import LEAST_FREEDOM
@@ -120,7 +120,7 @@ def _notes_on_modes(stabilised: Stabilisations, verdict: Verdict) -> list[str]:
     """Return notes on what a diagnosis with unknown modes of spindles can decide."""
     notes = []
     if verdict.final and (hidden := verdict.selection.absorbed):
-        count = count_unknown_modes(verdict.selection.base.model)
+        count = len(verdict.selection.base.model.unknown_modes)
         notes.append(
             f"these data do not show causes of typical size that the joint and the {count} unknown modes imitate: "
             f"{', '.join(hidden)}; measure another overhang, or the spindle alone, to decide them"

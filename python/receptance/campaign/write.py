@@ -380,11 +380,10 @@ def _write_temporary(data: dict[str, Any], name: str, attached: str, one: _Exten
     at_response = made["kind"] == "mass" and (point.part, point.position) == (place.part, place.position)
     if at_response and "sensor" not in table:
         section, made = "sensors", {key: made[key] for key in ("mass", "inertia") if key in made}
-    # One attachment at several places, or as a sensor and beside one, has as many names.
+    # An attachment that is written differently for different measurements has a name for each form.
     names = _names_of(data, attached)
-    attached = next((name for name in names if data.get(section, {}).get(name) == made), "") or (
-        f"{attached}_{len(names) + 1}" if names else attached
-    )
+    same = [name for name in names if data.get(section, {}).get(name) == made]
+    attached = same[0] if same else f"{attached}_{len(names) + 1}" if names else attached
     if section == "sensors":
         table["sensor"] = attached
     else:

@@ -162,7 +162,7 @@ class Stabilisations(Results[Stabilisation]):
 def up_to_least(steps: Iterable[FittedModes], values: float, near: float = float("inf")) -> tuple[FittedModes, ...]:
     """Return the fits up to the least criterion, and those after it that show that it is the least.
 
-    As long as chi-square is above `near` they show nothing: the first modes may be in the wrong places.
+    While chi-square is above `near`, modes are added in any case, because the first ones may be in the wrong places.
     """
     fits: list[FittedModes] = []
     criteria: list[float] = []

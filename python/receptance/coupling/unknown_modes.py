@@ -13,7 +13,6 @@ Shapes are complex: dampers at bearings couple the modes.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -39,7 +38,7 @@ from receptance.fit.parameters import Parameters
 from receptance.fit.problem import End, Task, one_blas_thread
 from receptance.fit.unknowns import Tolerance, Unknown
 from receptance.model.assembly import Assembly
-from receptance.model.terminals import RESIDUALS, ModalPart
+from receptance.model.terminals import MODE_ADDRESS, RESIDUALS, ModalPart
 
 _DAMPING = (1e-3, 0.03, 0.3)
 """Lower bound, start and upper bound of damping ratios."""
@@ -79,7 +78,6 @@ _EVALUATIONS = 60
 """Largest number of evaluations of the modes alone, and of everything, in this fit."""
 _LEAST = 1e-2
 """Decrease of the cost at which this fit has converged."""
-_MODE = re.compile(r"(.+)\.mode\[(\d+)\]\.(\w+)")
 
 
 def bounds_of_modes(
@@ -217,7 +215,7 @@ def start_modes(
     if spindle is not None:
         near = _NEAR * spindle.chi_square
         steps = part.steps(records.lines_hz, _residuals_on(spindle), records.about, near)
-        # Of the numbers of a line the spindle takes its terms.
+        # Modes have fewer numbers than a spindle on each line, so their chi-square is larger.
         explained = near / records.share_of_residuals
         fit, chosen = _fit_of_modes(
             part.name, steps, records, observed, by_evidence=by_evidence, further=further, near=explained
@@ -298,7 +296,7 @@ def _turned(unknowns: Sequence[Unknown], name: str) -> list[Unknown]:
     """Return unknowns of which each shape starts with a positive y, as far as bounds are symmetric."""
     shapes: dict[str, dict[str, Unknown]] = {}
     for unknown in unknowns:
-        match = _MODE.fullmatch(unknown.address)
+        match = MODE_ADDRESS.fullmatch(unknown.address)
         if match and match[1] == name and match[3] in QUANTITIES[2:]:
             shapes.setdefault(match[2], {})[match[3]] = unknown
     turned = {
@@ -422,7 +420,9 @@ class _Modes:
         starts = {
             int(match[2]): unknown.start or 0.0
             for unknown in unknowns
-            if (match := _MODE.fullmatch(unknown.address)) and match[1] == self.name and match[3] == QUANTITIES[0]
+            if (match := MODE_ADDRESS.fullmatch(unknown.address))
+            and match[1] == self.name
+            and match[3] == QUANTITIES[0]
         }
         indices = sorted(starts)
         modes = np.array([[starts[index], float(index)] for index in indices]).reshape(-1, 2)
@@ -430,13 +430,13 @@ class _Modes:
         number = {int(before): after for (_, before), after in zip(order.tolist(), indices, strict=True)}
 
         def renamed(unknown: Unknown) -> Unknown:
-            match = _MODE.fullmatch(unknown.address)
+            match = MODE_ADDRESS.fullmatch(unknown.address)
             if match is None or match[1] != self.name or int(match[2]) not in number:
                 return unknown
             return replace(unknown, address=f"{self.name}.mode[{number[int(match[2])]}].{match[3]}")
 
         def place(unknown: Unknown) -> float:
-            match = _MODE.fullmatch(unknown.address)
+            match = MODE_ADDRESS.fullmatch(unknown.address)
             if match is not None and match[1] == self.name:
                 return float(match[2])
             return np.inf if unknown.address in self.unknowns else -1.0

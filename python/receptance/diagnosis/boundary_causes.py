@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -108,11 +107,11 @@ def _spindle_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]
         yield from _other_modes(p, model, name)
         return
     low, high = _band(model)
-    for own, mode in described.items():
+    for address, mode in described.items():
         if low <= mode.frequency_hz <= high:
-            frequency = p["log_frequency"].move({f"{own}.frequency_hz": 1.0}, relative=True)
-            damping = p["log_damping"].move({f"{own}.damping_ratio": 1.0}, relative=True)
-            size = p["log_shape"].move({f"{own}.{quantity}": 1.0 for quantity in _MODE_SHAPE}, relative=True)
+            frequency = p["log_frequency"].move({f"{address}.frequency_hz": 1.0}, relative=True)
+            damping = p["log_damping"].move({f"{address}.damping_ratio": 1.0}, relative=True)
+            size = p["log_shape"].move({f"{address}.{quantity}": 1.0 for quantity in _MODE_SHAPE}, relative=True)
             yield Variant(f"mode at {mode.frequency_hz:.0f} Hz", model.plus(frequency, damping, size))
 
 
@@ -121,8 +120,7 @@ def _other_modes(p: Mapping[str, Parameter], model: Model, name: str) -> Iterato
     configurations = model.configurations
     if len(configurations) < 2:
         raise UndecidableError(f"all modes of {name} are unknowns of the model, and there is one configuration")
-    matches = [re.fullmatch(rf"{name}\.(mode\[\d+\])\.frequency_hz", unknown.address) for unknown in model.unknowns]
-    modes = [match[1] for match in matches if match]
+    modes = [f"mode[{index}]" for _, index in model.unknown_modes]
     # Of two configurations that differ either may be the changed one.
     for configuration in configurations if len(configurations) > 2 else configurations[1:]:
         moves = [

@@ -190,9 +190,9 @@ class Selection:
     def explain(self, steps: tuple[Step, ...], fit: Fit, expected: float = 0.0) -> Explanation:
         """Return the explanation of a fit; `expected` is the further gain that is predicted of a complete fit."""
         causes = parameters_of(fit.model.unknowns)
-        own = sum(unknown.prior is None for unknown in fit.model.unknowns if unknown.name not in causes)
-        own += sum(parameter.penalised for parameter in causes.values())
-        count = max(own - sum(unknown.prior is None for unknown in self.base.model.unknowns), 1)
+        free = sum(unknown.prior is None for unknown in fit.model.unknowns if unknown.name not in causes)
+        free += sum(parameter.penalised for parameter in causes.values())
+        count = max(free - sum(unknown.prior is None for unknown in self.base.model.unknowns), 1)
         gain = self.gain(fit.chi_square - expected)
         return Explanation(steps, fit, gain, gain - self.penalty * count, expected, self.discrepancy is not None)
 

@@ -6,7 +6,6 @@ lines does not affect the result.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -41,11 +40,6 @@ from receptance.fit.identification import conclude
 from receptance.fit.problem import CONVERGED, End, InfeasibleError, Problem, Task
 from receptance.fit.result import Identification
 from receptance.fit.search import Start, fit_direct, fit_staged
-
-MODE_NUMBER = re.compile(r"(.+)\.mode\[\d+\]\.")
-"""Beginning of the address of a number of a mode of a terminal."""
-MODE_FREQUENCY = re.compile(MODE_NUMBER.pattern + "frequency_hz")
-"""Address of the natural frequency of a mode of a terminal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,11 +190,6 @@ class Fit:
         return conclude(self.task, self.problem, [start], loss=None, seed=self.model.seed, notes=[])
 
 
-def count_unknown_modes(model: Model) -> int:
-    """Return the number of modes of modal parts whose natural frequencies are unknowns."""
-    return sum(MODE_FREQUENCY.fullmatch(unknown.address) is not None for unknown in model.unknowns)
-
-
 def fit_base(model: Model, *, continuations: int = CONTINUED_BASE) -> Fit:
     """Return the model fitted from its own starting values: in stages on few lines, then on all lines.
 
@@ -209,7 +198,7 @@ def fit_base(model: Model, *, continuations: int = CONTINUED_BASE) -> Fit:
     task = thin(model).task
     problem = task.problem()
     # Not `identify`: it enlarges the noise where data contradict the model, which would hide the misfit.
-    if count_unknown_modes(model):
+    if model.unknown_modes:
         # Unknown modes of a spindle have starts of their own, see `start_modes`: a continuation with all of them at
         # once ends in a local optimum.
         runs = fit_direct(problem, task.variables.draw(1, model.seed), EVALUATIONS_OF_BASE, TOLERANCE_OF_BASE)

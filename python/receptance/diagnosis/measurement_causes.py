@@ -254,8 +254,9 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 def _polarity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
-    yield Variant("all", model.map_receptances(lambda one: altered(one, receptance=-one.receptance)))
-    places = dict.fromkeys(_sensor_place(one) for one in model.witnesses or model.observations if one.is_receptance)
+    yield Variant("all", model.map_receptances(lambda record: altered(record, receptance=-record.receptance)))
+    records = [observation for observation in model.witnesses or model.observations if observation.is_receptance]
+    places = dict.fromkeys(map(_sensor_place, records))
     for place in places if len(places) > 1 else ():
 
         def change(observation: Observation, place: tuple[str, float | Literal["end"]] = place) -> Observation:

@@ -20,6 +20,7 @@ from receptance.model.anatomy import Anatomy, anatomy_of
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part
 from receptance.model.joints import GroundSpring, PointJoint, PointMass, Resonator
+from receptance.model.terminals import MODE_ADDRESS
 
 SPRING_TERMS = tuple(field for field in PointJoint.columns_of if field != "loss_factor")
 """Stiffnesses and dampings of a spring."""
@@ -151,6 +152,12 @@ class Model:
     def joints(self) -> tuple[str, ...]:
         """Names of the joints between tool and holder."""
         return tuple(dict.fromkeys(anatomy.joint for anatomy in self.anatomies if anatomy.joint))
+
+    @property
+    def unknown_modes(self) -> tuple[tuple[str, int], ...]:
+        """Modes whose natural frequencies are unknowns: name of the modal part and index."""
+        matches = [MODE_ADDRESS.fullmatch(unknown.address) for unknown in self.unknowns]
+        return tuple((match[1], int(match[2])) for match in matches if match and match[3] == "frequency_hz")
 
     @property
     def in_spindle(self) -> bool:

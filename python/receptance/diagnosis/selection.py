@@ -20,7 +20,6 @@ from receptance.diagnosis.fitting import (
     Exploration,
     Fit,
     continued,
-    count_unknown_modes,
     evaluate,
     explore,
     fit_base,
@@ -507,7 +506,7 @@ class Search:
         own = self.selection
         if own.base.misfit <= MISFIT_LIMIT or any(explanation.passed for explanation in own.explanations):
             return
-        if count_unknown_modes(own.base.model):
+        if own.base.model.unknown_modes:
             return
         levels = has_levels(own.base.model)
         # The order by evidence means little here: the right cause can be last if all fits are in the wrong optimum.
@@ -631,11 +630,11 @@ class Search:
         """
         own, stage = self.selection, "together" if steps else "causes"
         self._report.plan(stage, len(chosen))
-        is_other_quantity = is_decided = any(
+        is_other_quantity = any(
             single.steps[0].cause.changes_data and single.adequacy.of_lines for single in own.singles
         )
-        for direction in chosen:
-            if direction.cause.changes_data and not is_decided:
+        for direction in () if is_other_quantity else chosen:
+            if direction.cause.changes_data:
                 self._report(stage, _title(*steps, direction.step))
                 try:
                     fit = fit_base(direction.variant.model)

@@ -15,10 +15,11 @@ from dataclasses import dataclass, replace
 
 from receptance.coupling.spindle_elimination import SpindleRecords
 from receptance.diagnosis.causes import Step, parameters_of
-from receptance.diagnosis.fitting import MODE_FREQUENCY, MODE_NUMBER, Fit, fit_base, refit
+from receptance.diagnosis.fitting import Fit, fit_base, refit
 from receptance.diagnosis.model import Model
 from receptance.errors import ReceptanceError
 from receptance.fit.unknowns import Unknown
+from receptance.model.terminals import MODE_ADDRESS
 
 ChooseModes = Callable[[Model], Model]
 """Returns a model with the modes of its unknown spindles chosen again, beside the causes that it has."""
@@ -36,12 +37,12 @@ class AnySpindle:
 
 
 def with_any_spindle(model: Model, start: AnySpindle | None = None) -> AnySpindle | None:
-    """Return a model fitted whatever the spindle is, from its own starting values or from those of another one.
+    """Return a model fitted with the spindle eliminated, from its own starting values or from those of another fit.
 
-    None where the records do not determine the spindle line by line, where the model has no value, and where causes
-    change the spindle: they have no meaning without its modes.
+    The result is None where the records do not determine the spindle line by line, where the model cannot be evaluated,
+    and where a cause changes modes of the spindle, which is not defined without them.
     """
-    names = {match[1] for unknown in model.unknowns if (match := MODE_FREQUENCY.fullmatch(unknown.address))}
+    names = {name for name, _ in model.unknown_modes}
     if len(names) != 1 or _moved_modes(model):
         return None
     (name,) = names
@@ -64,7 +65,7 @@ def _moved_modes(model: Model) -> list[Unknown]:
     """Return the parameters of causes that move numbers of modes."""
     causes = parameters_of(model.unknowns)
     moved = [unknown for unknown in model.unknowns if unknown.name in causes]
-    return [unknown for unknown in moved if any(MODE_NUMBER.match(address) for address in unknown.addresses)]
+    return [unknown for unknown in moved if any(MODE_ADDRESS.fullmatch(address) for address in unknown.addresses)]
 
 
 def fit_with_modes(model: Model, step: Step, before: Fit, choose: ChooseModes) -> tuple[Model, Fit]:

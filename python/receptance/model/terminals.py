@@ -369,6 +369,8 @@ def _spline(
     return np.asarray(scipy.interpolate.CubicSpline(known_hz, table)(lines_hz), dtype=np.complex128)
 
 
+MODE_ADDRESS = re.compile(r"(.+)\.mode\[(\d+)\]\.(\w+)")
+"""Address of a number of a mode: the name of the part, the index of the mode and the number."""
 _MODE = re.compile(r"mode\[(\d+)\]\.(\w+)")
 
 
