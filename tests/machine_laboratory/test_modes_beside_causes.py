@@ -44,3 +44,14 @@ def test_a_spindle_that_differs_between_overhangs_explains_the_records(tmp_path)
     assert best.ids == {"spindle_mode"}
     assert best.passed
     assert verdict.selection.base.misfit > 3.0
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*clear peaks")
+@pytest.mark.parametrize(("seed", "index"), [(281130, 4), (281204, 2)])
+def test_modes_explain_a_machine_without_an_effect(tmp_path, seed, index):
+    """With one limit of their frequencies alone, the near or the far one, the steel's density is strained."""
+    machine = machine_of(seed, index, ())
+    loaded = campaign.load(write(machine, tmp_path, modes="auto"), threads=1)
+    verdict = loaded.diagnose(causes=["holder_inertia"], fast=True)
+    assert verdict.verdict == "adequate", verdict.adequacy

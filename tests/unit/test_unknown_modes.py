@@ -287,6 +287,21 @@ def test_a_mode_that_is_held_at_the_limit_moves_to_the_other_side() -> None:
     assert fit.chi_square < 2.0 * lines.chi_square
 
 
+def test_modes_far_beyond_the_lines_are_reached() -> None:
+    far = (
+        Mode(frequency_hz=4373.0, damping_ratio=0.02, y=0.23, theta=-10.5),
+        Mode(frequency_hz=5445.0, damping_ratio=0.02, y=0.57, theta=-3.1),
+    )
+    none = Mode(frequency_hz=1.0, damping_ratio=0.1, y=0.0, theta=0.0)
+    described = machine(1e9, 4e5, modes=(none,) * 6)
+    observed = [altered(o, assembly=described) for o in records(0.0005, modes=(*MODES, *far))]
+    bounds = bounds_of_modes("spindle", [{}] * 6, {}, observed)
+    _, _, chosen = start_modes(observed, [*joint(1.0), *bounds], "spindle", by_evidence=True, tolerances=[DIAMETER])
+    # One mode stands for both.
+    assert chosen.used == 3, SEED
+    assert chosen.chi_square[3] < 1.1, SEED
+
+
 def test_modes_are_added_as_long_as_they_do_not_explain_the_records() -> None:
     def fit(chi_square: float) -> FittedModes:
         none = np.empty((0, 6))

@@ -31,7 +31,7 @@ from receptance.coupling.mode_growth import (
     of_records,
 )
 from receptance.coupling.spindle_elimination import SpindleRecords, few
-from receptance.coupling.stabilisation import Stabilisation, up_to_least
+from receptance.coupling.stabilisation import Stabilisation, criterion, up_to_least
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation, Unit, altered
 from receptance.fit.parameters import Parameters
@@ -50,8 +50,8 @@ _BEYOND = 1.5
 """Factor between their upper bound and the last line. A mode far beyond has the effect of a residual, and a fit with
 both moves along a valley."""
 _FAR = 3.0
-"""The same factor where the records determine the spindle line by line. There a nearer bound would hold modes where the
-spindle has none, and the density of the holder would make up for it."""
+"""A second such factor where the records determine the spindle line by line. With one of them modes may end in the
+wrong places or at their bound, and errors of the holder make up for it; the better fit is used."""
 _ABOVE = 1.05
 """Ratio of a natural frequency to the last line from which a mode is above the lines."""
 _KEPT = (4, 5)
@@ -214,11 +214,22 @@ def start_modes(
     spindle = records.eliminated(seed)
     if spindle is not None:
         near = _NEAR * spindle.chi_square
-        steps = part.steps(records.lines_hz, _residuals_on(spindle), records.about, near)
         # Modes have fewer numbers than a spindle on each line, so their chi-square is larger.
         explained = near / records.share_of_residuals
-        fit, chosen = _fit_of_modes(
-            part.name, steps, records, observed, by_evidence=by_evidence, further=further, near=explained
+        fit, chosen = min(
+            (
+                _fit_of_modes(
+                    part.name,
+                    part.steps(records.lines_hz, _residuals_on(spindle), records.about, near, beyond),
+                    records,
+                    observed,
+                    by_evidence=by_evidence,
+                    further=further,
+                    near=explained,
+                )
+                for beyond in (_BEYOND, _FAR)
+            ),
+            key=lambda result: criterion(result[0], records.independent_values),
         )
         # Modes far from the records move everything before the plane beyond the range of its linear effect.
         about = records.about(fit.before, fit.entries) if fit.chi_square < near else None
@@ -339,6 +350,7 @@ class _Modes:
         residuals_on: Callable[[NDArray[np.intp]], SpindleResiduals],
         about: Callable[[NDArray[np.float64], NDArray[np.complex128]], SpindleLines | None] | None = None,
         near: float = 0.0,
+        beyond: float = _BEYOND,
     ) -> Iterator[FittedModes]:
         """Yield the fits of no mode, of one and so on.
 
@@ -353,8 +365,11 @@ class _Modes:
         about : callable, optional
             Returns the records about variables before the plane and entries of the spindle, or None where the model
             has no value. Further fits are about those of a fit whose chi-square is below `near`.
+        beyond : float
+            Factor between the last line and the highest natural frequency of a mode.
         """
-        on_all, on_some = self._growths(lines_hz, residuals_on, may_leave=about is None)
+        may_leave = about is None
+        on_all, on_some = self._growths(lines_hz, residuals_on, beyond, may_leave=may_leave)
         fit = on_all.first([getattr(self.part, quantity) for quantity in RESIDUALS])
         yield fit
         for _ in self.part.modes:
@@ -362,7 +377,7 @@ class _Modes:
             lines = about(fit.before, fit.entries) if about is not None and fit.chi_square < near else None
             if lines is not None:
                 residuals_on = _residuals_on(lines)
-                on_all, on_some = self._growths(lines_hz, residuals_on, may_leave=False)
+                on_all, on_some = self._growths(lines_hz, residuals_on, beyond, may_leave=may_leave)
                 fit = on_all.fitted(fit)
             yield fit
 
@@ -370,6 +385,7 @@ class _Modes:
         self,
         lines_hz: NDArray[np.inexact],
         residuals_on: Callable[[NDArray[np.intp]], SpindleResiduals],
+        beyond: float,
         *,
         may_leave: bool,
     ) -> tuple[ModeGrowth, ModeGrowth]:
@@ -380,7 +396,7 @@ class _Modes:
         """
         residuals = [getattr(self.part, quantity) for quantity in RESIDUALS]
         limits = np.array([self._bounds(name, value) for name, value in zip(RESIDUALS, residuals, strict=True)])
-        below, above = self._on_both_sides(float(lines_hz.real[-1]), far=not may_leave)
+        below, above = self._on_both_sides(float(lines_hz.real[-1]), beyond)
 
         def growth(lines: NDArray[np.intp]) -> ModeGrowth:
             return ModeGrowth(
@@ -462,11 +478,11 @@ class _Modes:
         unknown = self.unknowns.get(f"{self.name}.{quantity}")
         return (value, value) if unknown is None else (unknown.lower, unknown.upper)
 
-    def _on_both_sides(self, last: float, *, far: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _on_both_sides(self, last: float, beyond: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the bounds of each mode below the limit that belongs to a last line, and those of one above it.
 
-        They are the same for a mode whose numbers are in part described, or whose bounds are on one side. `far` is
-        whether a mode may be farther beyond than its bounds say, unless these are stated ones.
+        They are the same for a mode whose numbers are in part described, or whose bounds are on one side. A mode
+        without stated bounds may be as many times `beyond` the last line.
         """
         limit = _ABOVE * last
         below = self._bounds_of_modes.copy()
@@ -475,8 +491,8 @@ class _Modes:
             if np.all(below[index, :, 0] < below[index, :, 1]) and low < limit < high:
                 below[index, 0, 1] = above[index, 0, 0] = limit
                 above[index, _KEPT] = self._described[index, _KEPT, None]
-                if far and np.isclose(high, _BEYOND * last, rtol=1e-6):
-                    above[index, 0, 1] = _FAR * last
+                if np.isclose(high, _BEYOND * last, rtol=1e-6):
+                    above[index, 0, 1] = beyond * last
         return below, above
 
 

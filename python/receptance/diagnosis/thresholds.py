@@ -151,7 +151,7 @@ EVALUATIONS_OF_PREDICTION = 12
 
 FOLDS = 4
 """Most folds; each repeats the choice among the leading explanations."""
-SINGLES_HELD_OUT = 8
+SINGLES_HELD_OUT = 3
 """Causes whose own improvement is measured in each fold, the highest evidence first."""
 CIRCLE_WIDTHS = 4.0
 """Half-power widths on each side of a peak over which a circle is fitted."""
