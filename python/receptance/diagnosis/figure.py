@@ -39,7 +39,7 @@ _DECADES = 8.0
 _SIZE = (4.5, 4.0)
 """Size of a figure of the report in inches: its text is legible on a page of 400 pixels and in a column of a print."""
 _RECEPTANCES = 5
-"""Receptances that are drawn; the report has all of them."""
+"""Receptances that are drawn, those with the largest residuals; the report has all of them."""
 _COLUMNS = 3
 _AROUND = 0.05
 """Half width of the lines around a peak, relative to its frequency."""
@@ -48,20 +48,31 @@ _GAP = 4.0
 
 
 def draw_diagnosis(verdict: Verdict, ax: Axes | None = None) -> Figure:
-    """Draw the first five receptances and natural frequencies, before and after, and the evidence of the candidates."""
+    """Draw measurements, before and after, and the evidence of the candidates.
+
+    The measurements are natural frequencies and the five receptances with the largest residuals before.
+    """
     before = curves(verdict.base_fit)
     after = [] if verdict.explanation is None else curves(verdict.explanation.fit)
     receptances = [i for i, curve in enumerate(before) if np.iscomplexobj(curve.measured)]
     frequencies = [i for i in range(len(before)) if i not in receptances]
+    misfits = {i: float(np.mean(np.square(before[i].residual))) for i in receptances}
+    receptances = sorted(sorted(receptances, key=lambda i: -misfits[i])[:_RECEPTANCES])
     candidates = verdict.candidates[:_CANDIDATES]
-    count = len(receptances[:_RECEPTANCES]) + bool(frequencies) + bool(candidates)
+    count = len(receptances) + bool(frequencies) + bool(candidates)
     columns = min(count, _COLUMNS)
     rows = -(-count // columns)
     figure = surface(ax, 0.8 + 4.6 * columns, 3.6 * rows + 0.7)
     title_left(figure, f"{verdict.title}: {verdict.verdict}")
     axes = iter(panels(figure, count, columns))
-    for i in receptances[:_RECEPTANCES]:
+    for i in receptances:
         _draw_receptance(next(axes), before[i], after[i] if after else None)
+    # One legend below all panels: in a panel it would lie on a curve.
+    if receptances:
+        drawn = figure.axes[0]
+        add_legend(figure, *drawn.get_legend_handles_labels(), ncols=3)
+        for panel in figure.axes[: len(receptances)]:
+            panel.get_legend().remove()
     if frequencies:
         _draw_frequencies(next(axes), [before[i] for i in frequencies], [after[i] for i in frequencies if after])
     if candidates:
