@@ -19,6 +19,8 @@ from receptance import campaign
         (281128, 3, "fluted_part", ("tool_density",)),
         # One of two sensors.
         (281130, 12, "reversed_polarity", ("wrong_quantity", "sensor_mass")),
+        # With one further mode the density of steel is strained.
+        (281205, 49, "joint_overhang_law", ("tool_density",)),
     ],
 )
 @pytest.mark.filterwarnings("ignore:.*clear peaks")
@@ -29,8 +31,9 @@ def test_modes_are_chosen_beside_the_cause_of_a_large_misfit(tmp_path, seed, ind
     verdict = loaded.diagnose(causes=[effect, *others], fast=True)
     best = verdict.selection.best
     assert best.ids == {effect}
-    # With the modes that were chosen without the cause the misfit is 1.03, 25,000, 1.40 and more than 20,000.
+    # With the modes that were chosen without the cause the misfit is 1.03 to more than 20,000.
     assert best.fit.misfit < 1.01
+    assert best.passed
     assert verdict.selection.base.misfit > 2.0
 
 

@@ -5,13 +5,25 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from receptance import STEEL, Assembly, Coordinate, ModalPart, Mode, Observation, Part, PointJoint, PointMass, Segment
+from receptance import (
+    STEEL,
+    Assembly,
+    Coordinate,
+    ModalPart,
+    Mode,
+    Observation,
+    Part,
+    PointJoint,
+    PointMass,
+    Segment,
+    Tolerance,
+)
 from receptance.coupling.unknown_modes import bounds_of_modes
 from receptance.diagnosis import CATALOGUE, Model, Step
 from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.fitting import evaluate
 from receptance.diagnosis.model import UndecidableError
-from receptance.diagnosis.unknown_spindle import with_any_spindle
+from receptance.diagnosis.unknown_spindle import fit_unstrained, with_any_spindle
 from receptance.diagnosis.wording import sizes
 from receptance.fit import Unknown
 from receptance.fit.observation import altered
@@ -145,3 +157,32 @@ def test_of_many_sizes_the_most_significant_ones_are_shown() -> None:
     assert [name in text for name in ("frequency mode[0]", "shape mode[1] @", "slope mode[1]")] == [True, False, False]
     assert text.count("95 %") == 6
     assert text.endswith(", and 2 less significant ones")
+
+
+@pytest.mark.parametrize(("error", "counts"), [(0.0, [1]), (0.05, [1, 2])])
+def test_further_modes_are_chosen_where_errors_make_up_for_missing_ones(error: float, counts: list[int]) -> None:
+    """A modulus with a tolerance of 1 % makes up for a density, which here stands for the further mode."""
+    bar = Assembly([Part([Segment(length=0.2, outer_diameter=0.02, material=STEEL)], name="bar")])
+    heavier = bar.replace({"bar.segment[0].density": STEEL.density * (1.0 + error)})
+    rng = np.random.default_rng(SEED)
+    observations = tuple(
+        Observation.from_modes(
+            assembly=bar,
+            frequency_hz=heavier.natural_frequencies(2e4)[:3] + rng.normal(scale=20.0, size=3),
+            standard_deviation_hz=20.0,
+        )
+        for _ in range(60)
+    )
+    modulus = Tolerance(name="modulus", moves={"bar.segment[0].youngs_modulus": 0.01}, relative=True)
+    diameter = Unknown(address="bar.segment[0].outer_diameter", lower=0.0199, upper=0.0201)
+    density = Unknown(address="bar.segment[0].density", lower=5e3, upper=1e4, start=STEEL.density)
+    asked = []
+
+    def choose(model: Model, further: int) -> Model:
+        asked.append(further)
+        return Model(observations, (diameter, density)[:further], (modulus,), threads=1)
+
+    chosen, fit = fit_unstrained(Model(observations, (diameter,), (modulus,), threads=1), choose)
+    assert asked == counts, SEED
+    assert len(chosen.unknowns) == len(counts)
+    assert fit.adequacy.passed

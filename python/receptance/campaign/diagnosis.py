@@ -16,12 +16,9 @@ from receptance.diagnosis.held_out import FREQUENCIES, improvement, metrics_of
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import LEAST_FREEDOM
 from receptance.diagnosis.truncation import truncation_time
+from receptance.diagnosis.unknown_spindle import FURTHER_MODES
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation
-
-_FURTHER_MODES = 1
-"""Modes of an unknown spindle beyond the number that its records choose. A further mode explains something, although
-too little to be worth its numbers, and a cause must not take its place."""
 
 
 def base_model(campaign: CampaignData, seen: Mapping[str, Observation] | None = None) -> tuple[Model, list[str]]:
@@ -58,10 +55,10 @@ def diagnose_campaign(
     choose_modes = None
     if parts_to_start(campaign):
         described = model
-        model, stabilised = _choose_modes(campaign, described, described)
+        model, stabilised = _choose_modes(campaign, described, described, FURTHER_MODES[0])
 
-        def choose_modes(extended: Model) -> Model:
-            return _choose_modes(campaign, described, extended)[0]
+        def choose_modes(extended: Model, further: int) -> Model:
+            return _choose_modes(campaign, described, extended, further)[0]
 
     settings = campaign.table.settings
     with errors_about(campaign.file):
@@ -95,8 +92,8 @@ def diagnose_campaign(
     return replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=campaign.provenance())
 
 
-def _choose_modes(campaign: CampaignData, described: Model, model: Model) -> tuple[Model, Stabilisations]:
-    """Return a model with the modes of unknown spindles that its records show, and their fits by number.
+def _choose_modes(campaign: CampaignData, described: Model, model: Model, further: int) -> tuple[Model, Stabilisations]:
+    """Return a model with the modes of unknown spindles that its records show, `further` ones, and fits by number.
 
     `described` is the model of the campaign, with all modes that a spindle may have; `model` is the same, or has causes
     and other modes. All but the causes start as described.
@@ -111,7 +108,7 @@ def _choose_modes(campaign: CampaignData, described: Model, model: Model) -> tup
     ]
     errors = [replace(tolerance, start=0.0) for tolerance in model.tolerances]
     unknowns, tolerances, stabilised = started_by_mode(
-        campaign, model.observations, [*others, *modal], errors, further=_FURTHER_MODES
+        campaign, model.observations, [*others, *modal], errors, further=further
     )
     return replace(model, unknowns=tuple(unknowns), tolerances=tuple(tolerances)), stabilised
 

@@ -215,27 +215,21 @@ def start_modes(
     if spindle is not None:
         near = _NEAR * spindle.chi_square
         # Modes have fewer numbers than a spindle on each line, so their chi-square is larger.
-        explained = near / records.share_of_residuals
-        fit, chosen = min(
-            (
+        count, explained = records.independent_values, near / records.share_of_residuals
+        fits: list[tuple[FittedModes, Stabilisation]] = []
+        for beyond in (_BEYOND, _FAR):
+            steps = part.steps(records.lines_hz, _residuals_on(spindle), records.about, near, beyond)
+            fits.append(
                 _fit_of_modes(
-                    part.name,
-                    part.steps(records.lines_hz, _residuals_on(spindle), records.about, near, beyond),
-                    records,
-                    observed,
-                    by_evidence=by_evidence,
-                    further=further,
-                    near=explained,
+                    part.name, steps, records, observed, by_evidence=by_evidence, further=further, near=explained
                 )
-                for beyond in (_BEYOND, _FAR)
-            ),
-            key=lambda result: criterion(result[0], records.independent_values),
-        )
+            )
+        fit, chosen = min(fits, key=lambda result: criterion(result[0], count))
         # Modes far from the records move everything before the plane beyond the range of its linear effect.
         about = records.about(fit.before, fit.entries) if fit.chi_square < near else None
-        values = records.named(spindle.x if about is None else about.x)
-        errors = [replace(tolerance, start=values[tolerance.name]) for tolerance in tolerances]
-        return _turned([*_started(others, values), *part.started(fit)], name), errors, chosen
+        start = records.named(spindle.x if about is None else about.x)
+        errors = [replace(tolerance, start=start[tolerance.name]) for tolerance in tolerances]
+        return _turned([*_started(others, start), *part.started(fit)], name), errors, chosen
     records = records.thinned()
     sites = [observation.site(i) for i, observation in enumerate(observed)]
     units: list[Unit] = ["standard deviations"] * len(observed)

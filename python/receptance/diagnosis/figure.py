@@ -66,13 +66,13 @@ def draw_diagnosis(verdict: Verdict, ax: Axes | None = None) -> Figure:
     title_left(figure, f"{verdict.title}: {verdict.verdict}")
     axes = iter(panels(figure, count, columns))
     for i in receptances:
-        _draw_receptance(next(axes), before[i], after[i] if after else None)
-    # One legend below all panels: in a panel it would lie on a curve.
-    if receptances:
-        drawn = figure.axes[0]
-        add_legend(figure, *drawn.get_legend_handles_labels(), ncols=3)
-        for panel in figure.axes[: len(receptances)]:
-            panel.get_legend().remove()
+        panel = next(axes)
+        _draw_receptance(panel, before[i], after[i] if after else None)
+        # One legend below all panels: in a panel it would lie on a curve.
+        if i == receptances[0]:
+            add_legend(figure, *panel.get_legend_handles_labels(), ncols=3)
+        if legend := panel.get_legend():
+            legend.remove()
     if frequencies:
         _draw_frequencies(next(axes), [before[i] for i in frequencies], [after[i] for i in frequencies if after])
     if candidates:

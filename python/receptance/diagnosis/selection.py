@@ -58,7 +58,7 @@ from receptance.diagnosis.thresholds import (
     STRAIN_CHANCE,
     VARIANTS_AGAIN,
 )
-from receptance.diagnosis.unknown_spindle import ChooseModes, fit_with_modes, with_any_spindle
+from receptance.diagnosis.unknown_spindle import ChooseModes, fit_unstrained, fit_with_modes, with_any_spindle
 from receptance.errors import ReceptanceError
 from receptance.fit.adequacy import MISFIT_LIMIT
 from receptance.fit.discrepancy import Discrepancy
@@ -185,6 +185,8 @@ class Search:
         """
         own, base = self.selection, self.selection.base
         try:
+            if choose is not None and base.adequacy.of_lines and not base.adequacy.strain.passed:
+                base = self._fit_with_further_modes(model, choose)
             if choose is not None and base.adequacy.misfit > SCREENING_LIMIT:
                 again = self._beside_modes(model, self._lead_with_any_spindle(), choose)
                 if again is not None:
@@ -197,6 +199,13 @@ class Search:
         except KeyboardInterrupt:
             own.interrupted = True
         return None
+
+    def _fit_with_further_modes(self, model: Model, choose: ChooseModes) -> Fit:
+        """Replace the base by one with more modes if that does not strain the tolerances, and return it."""
+        _, fit = fit_unstrained(replace(model, threads=1), choose)
+        if fit.adequacy.passed:
+            self.selection.base = fit
+        return self.selection.base
 
     def _lead_with_any_spindle(self) -> list[tuple[Step, Fit]]:
         """Return the causes that take most of the misfit whatever the spindle is, each with its sizes."""

@@ -21,8 +21,12 @@ from receptance.errors import ReceptanceError
 from receptance.fit.unknowns import Unknown
 from receptance.model.terminals import MODE_ADDRESS
 
-ChooseModes = Callable[[Model], Model]
-"""Returns a model with the modes of its unknown spindles chosen again, beside the causes that it has."""
+ChooseModes = Callable[[Model, int], Model]
+"""Returns a model with the modes of its unknown spindles chosen again, beside the causes that it has: as many as the
+records show and, if so many are fitted, a number of further ones."""
+FURTHER_MODES = (1, 2)
+"""Numbers of further modes, the second one where errors of the tolerances make up for modes that are missing. A further
+mode explains something, although too little to be worth its numbers, and a cause must not take its place."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +72,23 @@ def _moved_modes(model: Model) -> list[Unknown]:
     return [unknown for unknown in moved if any(MODE_ADDRESS.fullmatch(address) for address in unknown.addresses)]
 
 
+def fit_unstrained(model: Model, choose: ChooseModes) -> tuple[Model, Fit]:
+    """Return a model with the fewest further modes that do not strain its tolerances, and its fit.
+
+    It has the fewest of all where the fit does not explain all lines, and where all of them strain the tolerances.
+    """
+    pairs: list[tuple[Model, Fit]] = []
+    for further in FURTHER_MODES:
+        chosen = choose(model, further)
+        fit = fit_base(chosen, continuations=0)
+        pairs.append((chosen, fit))
+        if fit.adequacy.strain.passed:
+            return chosen, fit
+        if not fit.adequacy.of_lines:
+            break
+    return pairs[0]
+
+
 def fit_with_modes(model: Model, step: Step, before: Fit, choose: ChooseModes) -> tuple[Model, Fit]:
     """Return a model whose modes are chosen beside a cause, and its fit with this cause.
 
@@ -92,8 +113,7 @@ def fit_with_modes(model: Model, step: Step, before: Fit, choose: ChooseModes) -
     extended = replace(before.model, unknowns=sized)
     changed = {name for unknown in _moved_modes(extended) for name in unknown.configurations or ()}
     others = extended.without(changed) if changed else extended
-    chosen = choose(others)
-    fit = fit_base(chosen, continuations=0)
+    chosen, fit = fit_unstrained(others, choose)
     # Unknowns that only the changed configurations have.
     seen = {unknown.name for unknown in others.unknowns}
     unseen = [unknown for unknown in model.unknowns if unknown.name not in seen]
