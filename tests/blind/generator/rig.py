@@ -44,12 +44,12 @@ def _rings(p: Numbers, kind: str, outer: float, inner: float) -> list[Ring]:
 
 def _named(p: Numbers, kind: str, part: float | None = None) -> list[dict[str, float]]:
     """Return the numbers of each point or patch, perhaps of those on one part."""
-    found: dict[str, dict[str, float]] = {}
-    for name in p:
-        if name.startswith(f"{kind}."):
-            _, own, field = name.split(".")
-            found.setdefault(own, {})[field] = p[name]
-    return [one for one in found.values() if part is None or one["part"] == part]
+    groups: dict[str, dict[str, float]] = {}
+    for address in p:
+        if address.startswith(f"{kind}."):
+            _, name, field = address.split(".")
+            groups.setdefault(name, {})[field] = p[address]
+    return [group for group in groups.values() if part is None or group["part"] == part]
 
 
 def _patched(p: Numbers, rings: list[Ring], patch: Numbers) -> list[Ring]:
@@ -81,11 +81,11 @@ class Row:
         """Add a beam at the end."""
         end = self.x + length
         for cut in [*(c for c in self.cuts if self.x + 1e-9 < c < end - 1e-9), end]:
-            middle, own = 0.5 * (self.x + cut), rings
+            middle, section = 0.5 * (self.x + cut), rings
             for patch in self.patches:
                 if patch["start"] < middle < patch["end"]:
-                    own = _patched(self.p, own, patch)
-            self.at = self.structure.beam(self.at, cut - self.x, own)
+                    section = _patched(self.p, section, patch)
+            self.at = self.structure.beam(self.at, cut - self.x, section)
             self.x = cut
             self.stations[cut] = self.at
 
@@ -259,18 +259,19 @@ def _poles(items: tuple[tuple[str, float], ...], refinement: float) -> Poles:
     s, tip, hit = build(p, refinement)
     unit = np.eye(s.size)
     # A sensor on a rigid arm along the tool moves with the slope as well.
-    found = s.poles(unit[:, [2 * hit]], unit[:, [2 * tip]] + p.get("sensor.arm", 0.0) * unit[:, [2 * tip + 1]])
-    return _lossy(found, int(p["lossy.mode"]), p["lossy.zeta"]) if "lossy.mode" in p else found
+    response = s.poles(unit[:, [2 * hit]], unit[:, [2 * tip]] + p.get("sensor.arm", 0.0) * unit[:, [2 * tip + 1]])
+    return _lossy(response, int(p["lossy.mode"]), p["lossy.zeta"]) if "lossy.mode" in p else response
 
 
-def _lossy(found: Poles, mode: int, zeta: float) -> Poles:
+def _lossy(response: Poles, mode: int, zeta: float) -> Poles:
     """Return poles of which one mode, counted from 0 at the lowest elastic one, has a larger damping ratio."""
-    rate = np.sort(found.rates.imag[found.rates.imag > 2.0 * np.pi * 100.0])[mode]
+    angular = response.rates.imag
+    rate = np.sort(angular[angular > 2.0 * np.pi * 100.0])[mode]
     # With losses in materials the rate of negative frequency is not quite the conjugate.
-    pair = [int(np.argmin(np.abs(found.rates.imag - side * rate))) for side in (-1.0, 1.0)]
-    rates = found.rates.copy()
+    pair = [int(np.argmin(np.abs(angular - side * rate))) for side in (-1.0, 1.0)]
+    rates = response.rates.copy()
     rates[pair] -= zeta * np.abs(rates[pair])
-    return replace(found, rates=rates)
+    return replace(response, rates=rates)
 
 
 def poles(p: Numbers, refinement: float = 1.0) -> Poles:
