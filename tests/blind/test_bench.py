@@ -110,7 +110,9 @@ def test_neighbours_run_in_turn_and_resume(bench, tmp_path, capsys):
     chosen = bench.every_neighbour(10)[7]
     bench.main(["--neighbours", "--seed", "4", "--cases", str(2 * len(NEIGHBOURS)), "--only", chosen])
     assert [bench.every_neighbour(2 * len(NEIGHBOURS))[i] for i in bench.ran] == [chosen, chosen]
-    for option in (["--advice"], ["--effects", "time_delay"], ["--holder", "modes"]):
+    with pytest.raises(SystemExit):
+        bench.main(["--only", chosen])
+    for option in (["--advice"], ["--effects", "time_delay"], ["--holder", "modes"], ["--only", "time_delay"]):
         with pytest.raises(SystemExit):
             bench.main([*arguments, *option])
 
