@@ -11,6 +11,9 @@ so `--budget` may end a run early: after so many minutes no case is begun any mo
 `--advice` scores the advised measurements alone and asks the oracle of ambiguous cases only.
 `--holder LEVEL ...` runs the same list of cases with less knowledge of the holder, and each level has a table of its
 own; `tests/blind/generator/knowledge.py` says how the levels are drawn.
+`--neighbours` makes ordinary errors that the catalogue does not contain, all kinds of `tests/blind/neighbours` in turn,
+and counts how often they are named or partly explained wrongly; `--only` then chooses among these kinds, and `--score`
+needs the option as well.
 """
 
 from __future__ import annotations
@@ -32,7 +35,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from blind.bridge import ask
 from blind.files import add_options, append, read, run_batch
-from blind.generator import CATALOGUE, KINDS, LEVELS, OUTSIDE, alone, every
+from blind.generator import CATALOGUE, KINDS, LEVELS, NEIGHBOUR, OUTSIDE, alone, every
+from blind.neighbours import NEIGHBOURS
+from blind.neighbours import every as every_neighbour
+from blind.neighbours.outcome import run_neighbour
+from blind.neighbours.score import report as report_of_neighbours
+from blind.neighbours.score import table as of_neighbours
 from blind.outcome import Outcome, run_case
 from blind.score import of_advice, report, report_of_advice, table
 
@@ -52,16 +60,23 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--effects", choices=CATALOGUE, nargs="+", metavar="ID", help="one of these in every case")
     parser.add_argument(
         "--only",
-        choices=(*KINDS, *CATALOGUE, *OUTSIDE),
+        choices=(*KINDS, *CATALOGUE, *OUTSIDE, *NEIGHBOURS),
         nargs="+",
         metavar="NAME",
         help="cases of these kinds or effects",
     )
     parser.add_argument("--advice", action="store_true", help="score the measurements that are advised, and no more")
+    parser.add_argument("--neighbours", action="store_true", help="ordinary errors that the catalogue does not contain")
     parser.add_argument("--quick", action="store_true", help="three overhangs and a narrower band")
     parser.add_argument("--threads", type=int, default=1, help="of one diagnosis; shards are the better use of cores")
     options = parser.parse_args(arguments)
+    if options.neighbours and (options.advice or options.effects or options.holder != [""]):
+        parser.error("--neighbours has no --advice, --effects and --holder")
+    if options.only and options.neighbours != set(options.only).issubset(NEIGHBOURS):
+        parser.error("--only chooses among the kinds of neighbours with --neighbours, and among the others without it")
     scored = (report_of_advice, of_advice) if options.advice else (report, table)
+    if options.neighbours:
+        scored = (report_of_neighbours, of_neighbours)
     run_batch(options, functools.partial(run, options), *scored)
     return 0
 
@@ -69,11 +84,13 @@ def main(arguments: list[str] | None = None) -> int:
 def run(options: argparse.Namespace, seed: int) -> list[Outcome]:
     """Return the outcomes of a shard, those that were finished before included."""
     outcomes = [o for o in read([options.resume]) if o.seed == seed] if options.resume else []
-    outcomes = [o for o in outcomes if o.knowledge in options.holder]
+    outcomes = [o for o in outcomes if o.knowledge in options.holder and options.neighbours == (o.kind == NEIGHBOUR)]
     done = {(o.knowledge, o.index) for o in outcomes}
     own, count = options.shard
     begun = time.perf_counter()
     plan = alone(options.cases, options.effects) if options.effects else every(options.cases)
+    if options.neighbours:
+        plan = [(NEIGHBOUR, (id,)) for id in every_neighbour(options.cases)]
     chosen = [
         (index, case)
         for index, case in enumerate(plan)
@@ -87,8 +104,11 @@ def run(options: argparse.Namespace, seed: int) -> list[Outcome]:
             sys.stdout.write("the budget is used up\n")
             break
         asked = functools.partial(ask, threads=options.threads)
-        how = {"quick": options.quick, "knowledge": level, "advice": options.advice}
-        one = run_case(seed, index, kind, effects, asked, **how)
+        if options.neighbours:
+            one = run_neighbour(seed, index, *effects, asked, quick=options.quick)
+        else:
+            how = {"quick": options.quick, "knowledge": level, "advice": options.advice}
+            one = run_case(seed, index, kind, effects, asked, **how)
         outcomes.append(one)
         sizes = ", ".join(f"{id} {u:.2f}" for id, u in zip(one.effects, one.sizes, strict=True)) or "nothing"
         sizes += f" (in the data: {', '.join(one.within)})" if one.within else ""

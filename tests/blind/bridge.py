@@ -417,6 +417,13 @@ def answer_from(
     )
 
 
+def nameable() -> list[str]:
+    """Return the ids of all causes that a diagnosis may report."""
+    from receptance.diagnosis import CATALOGUE
+
+    return list(CATALOGUE)
+
+
 def advisable() -> list[str]:
     """Return all that a diagnosis may advise to measure."""
     from receptance.diagnosis.advice import MENU

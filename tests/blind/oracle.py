@@ -154,18 +154,45 @@ def same_answer(case: Case, truth: Truth, id: str, beside: Sequence[str] = (), *
     start = base.fit(base.start(), most=20)
     if start.chi_square < limit:
         return True
+    # An effect in one configuration may be indistinguishable from another one there.
+    places = sorted({effect.configuration for effect in truth.effects if effect.configuration})
+    return imitated(base, kept, id, limit, (start.x, best.x[: base.size]), places, tries)
+
+
+def imitated(
+    base: Problem, kept: Sequence[Effect], id: str, limit: float, joints: Sequence[FloatArray],
+    places: Sequence[str] = (), tries: int = 12,
+) -> bool:  # fmt: skip
+    """Return whether an effect fits the data of a problem without it to a chi-square below a limit.
+
+    Parameters
+    ----------
+    base : Problem
+        The problem without the effect.
+    kept : sequence of Effect
+        Effects that the problem has beside it.
+    id : str
+        The effect.
+    limit : float
+        Chi-square that is to be reached.
+    joints : sequence of ndarray
+        Where the unknowns of the base start.
+    places : sequence of str, optional
+        Configurations in one of which alone the effect may act, beside all of them.
+    tries : int, optional
+        In how many ways the effect may act.
+    """
+    case, truth, data = base.case, base.truth, base.data
     ranked = []
     ways = _ways(case, truth, id, tries)
     if id == "missing_mode":
-        ways = [replace(one, sizes={**one.sizes, "fixture.hz": hz}) for one in ways[:3] for hz in _worst(base, start.x)]
-    local = {effect.configuration for effect in truth.effects}
-    if local != {None}:
-        # An effect in one configuration may be indistinguishable from another one there.
-        ways += [replace(one, configuration=place) for one in ways for place in local]
+        worst = _worst(base, joints[0])
+        ways = [replace(one, sizes={**one.sizes, "fixture.hz": hz}) for one in ways[:3] for hz in worst]
+    ways += [replace(one, configuration=place) for one in ways for place in places]
     for effect in ways:
         problem = Problem(case, truth, data, [*kept, effect])
         for null in (True, False)[: 1 + (id in CURVED)]:
-            for joint in (start.x, best.x[: base.size]):
+            for joint in joints:
                 x = np.concatenate([joint, problem.start(null=null)[base.size :]])
                 ranked.append((problem.promise(x), len(ranked), problem, x))
     best_first = [(problem, x) for _, _, problem, x in sorted(ranked)[:4]]

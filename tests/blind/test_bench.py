@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import importlib.util
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from blind.generator import NEIGHBOUR
+from blind.neighbours import NEIGHBOURS
 from blind.outcome import Outcome
 
 BENCH = Path(__file__).resolve().parents[2] / "benches" / "blind.py"
@@ -31,7 +34,15 @@ def bench(monkeypatch):
             covered=(True, True), size_covered=(True,), shuffled=("named", *effects) if kind == "misleading" else (),
         )  # fmt: skip
 
+    def run_neighbour(seed, index, id, ask, *, quick=False):
+        wrong = index % 5 == 0
+        return replace(
+            run_case(seed, index, NEIGHBOUR, (id,), ask, quick=quick), verdict="named" if wrong else "unexplained",
+            reported=("tool_density",) if wrong else (),
+        )  # fmt: skip
+
     monkeypatch.setattr(module, "run_case", run_case)
+    monkeypatch.setattr(module, "run_neighbour", run_neighbour)
     return module
 
 
@@ -79,6 +90,31 @@ def test_cases_of_some_effects_or_kinds(bench):
     assert bench.ran == [i for i, (kind, ids) in enumerate(every) if kind == "nothing_exact" or "time_delay" in ids]
     with pytest.raises(SystemExit):
         bench.main(["--effects", "time_dilay"])
+
+
+def test_neighbours_run_in_turn_and_resume(bench, tmp_path, capsys):
+    file = tmp_path / "cases.jsonl"
+    # Cases of the mixture in the same file are not taken for them.
+    bench.main(["--cases", "3", "--seed", "4", "--resume", str(file)])
+    arguments = ["--neighbours", "--seed", "4", "--resume", str(file)]
+    bench.ran.clear(), bench.effects.clear()
+    bench.main([*arguments, "--cases", "6"])
+    bench.main([*arguments, "--cases", "10"])
+    assert bench.ran == list(range(10))
+    assert bench.effects == [(id,) for id in bench.every_neighbour(10)]
+    out = capsys.readouterr().out
+    lines = {line[:62].strip(): line[62:].split("=")[0].split() for line in out.splitlines() if " = " in line}
+    assert lines["all: named or partly explained wrongly"] == ["2", "of", "10"]
+    # Kinds that are chosen keep their numbers in the list.
+    bench.ran.clear()
+    chosen = bench.every_neighbour(10)[7]
+    bench.main(["--neighbours", "--seed", "4", "--cases", str(2 * len(NEIGHBOURS)), "--only", chosen])
+    assert [bench.every_neighbour(2 * len(NEIGHBOURS))[i] for i in bench.ran] == [chosen, chosen]
+    with pytest.raises(SystemExit):
+        bench.main(["--only", chosen])
+    for option in (["--advice"], ["--effects", "time_delay"], ["--holder", "modes"], ["--only", "time_delay"]):
+        with pytest.raises(SystemExit):
+            bench.main([*arguments, *option])
 
 
 def test_advice_is_scored_over_ambiguous_cases(bench, monkeypatch, capsys):

@@ -15,6 +15,9 @@ import pytest
 from blind.generator import CATALOGUE, KINDS, OUTSIDE, draw_case, every, rig, shuffled
 from blind.generator.case import true_numbers, where_of
 from blind.generator.elements import Ring, Structure, cowper, hutchinson
+from blind.generator.records import measure
+from blind.neighbours.kind import patch as named_patch
+from blind.neighbours.kind import point as named_point
 from blind.seeds import fresh_seed
 
 pytestmark = pytest.mark.slow
@@ -28,6 +31,14 @@ def free_bar(length, diameter, bore, modulus, density, nu, refinement=1.0):
     ring = Ring(diameter, bore, modulus, density, nu, 0.0, cowper(diameter, bore, nu))
     structure.beam(structure.station(), length, [ring])
     return structure.natural_frequencies(60e3)
+
+
+def patch(part, start, end, **fields):
+    return named_patch("other", part, start, end, **fields)
+
+
+def point(part, place, **fields):
+    return named_point("body", part, place, **fields)
 
 
 def some_numbers(rng_seed=0, **changes):
@@ -47,7 +58,7 @@ def test_generator_does_not_import_the_package():
 
 
 def test_only_the_bridge_imports_the_package():
-    for source in HERE.glob("*.py"):
+    for source in HERE.rglob("*.py"):
         if source.name != "bridge.py" and source != Path(__file__):
             found = re.findall(r"^\s*(?:from|import)\s+receptance.*$", source.read_text(encoding="utf-8"), re.MULTILINE)
             assert not found, (source.name, found)
@@ -88,7 +99,19 @@ EXTRAS = [
     {"holder.stiffer": 3.0, "ground.k": 1e7, "ground.c": 10.0, "ground.place": 0.6, "joint.loss": 0.03},
     {"rope.k": 2e5, "rope.zeta": 0.03, "rope.place": 0.4},
     {"screw.section": 1.0, "screw.k": 1e6},
-]
+    {"sensor.mass": 1e-3, "wax.hz": 6000.0, "wax.zeta": 0.05},
+    {
+        "point.tie.part": 0.0, "point.tie.place": 0.03, "point.tie.mass": 2e-3, "point.tie.k": 1e5, "point.tie.c": 3.0,
+        "point.ring.part": 1.0, "point.ring.place": 0.05, "point.ring.mass": 0.05, "point.ring.hz": 1500.0,
+        "point.ring.zeta": 0.1,
+    },
+    {
+        "tool.bore": 0.005, "patch.neck.part": 0.0, "patch.neck.start": 0.02, "patch.neck.end": 0.035,
+        "patch.neck.outer": 0.9, "patch.heavy.part": 1.0, "patch.heavy.start": 0.06, "patch.heavy.end": 0.09,
+        "patch.heavy.density": 1.2, "patch.heavy.modulus": 1.3, "patch.short.part": 1.0, "patch.short.start": 0.02,
+        "patch.short.end": 0.03, "patch.short.core": 0.0,
+    },
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("extra", EXTRAS, ids=lambda extra: next(iter(extra), "plain"))
@@ -126,6 +149,84 @@ def test_a_spread_joint_tends_to_a_point():
         for length in (8e-3, 2e-3, 5e-4)
     ]
     assert away[0] > 2.0 * away[1] > 4.0 * away[2]
+
+
+def recorded(p):
+    return rig.recorded(p, np.arange(150.0, 6000.0, 25.0))
+
+
+def test_points_and_patches_are_what_they_stand_for():
+    p = some_numbers()
+    overhang, holder = p["tool.overhang"], [p[f"holder.{i}.length"] for i in range(3)]
+    same = [
+        ({"flute.length": 0.02, "flute.ratio": 0.9}, patch("tool", 0.0, 0.02, outer=0.9)),
+        ({"holder.1.outer": 1.1 * p["holder.1.outer"]}, patch("holder", holder[0], sum(holder[:2]), outer=1.1)),
+        ({"holder.2.inner": 0.006}, patch("holder", sum(holder[:2]), 1.0, bore=0.006)),
+        ({"middle.mass": 3e-3, "middle.place": 0.4}, point("tool", 0.4 * overhang, mass=3e-3)),
+        ({"nose.ring": 0.1}, point("holder", holder[0], mass=0.1, inertia=2e-5)),
+        (
+            {"ground.k": 1e7, "ground.c": 30.0, "ground.place": 0.5},
+            point("holder", 0.5 * sum(holder), k=1e7, c=30.0),
+        ),
+        (
+            {"absorber.mass": 2e-3, "absorber.hz": 900.0, "absorber.zeta": 0.02},
+            point("tool", 0.0, mass=2e-3, hz=900.0, zeta=0.02),
+        ),
+        # A sensor that is held stiffly, or whose centre is at the tip.
+        ({"sensor.mass": 1e-3}, {"sensor.mass": 1e-3, "wax.hz": 5e5, "wax.zeta": 0.01}),
+        ({"sensor.mass": 1e-3}, {"sensor.mass": 1e-3, "sensor.arm": 0.0}),
+    ]
+    for plain, other in same:
+        changed = recorded({**p, **plain})
+        assert np.abs(np.log(changed / recorded(p))).max() > 0.01
+        assert np.abs(np.log(changed / recorded({**p, **other}))).max() < 3e-4, other
+    # A shank of no material has no effect, one without a core has.
+    tool = {f"tool.{name}": 1e-6 * p[f"tool.{name}"] for name in ("modulus", "density")}
+    empty = patch("holder", 0.0, holder[0], core=0.0)
+    frequencies = [rig.natural_frequencies({**p, **tool, **extra}, 9e3) for extra in ({}, empty)]
+    assert frequencies[0][-1] == pytest.approx(frequencies[1][-1], rel=1e-5)
+    assert abs(rig.natural_frequencies({**p, **empty}, 9e3)[0] / rig.natural_frequencies(p, 9e3)[0] - 1.0) > 1e-4
+
+
+def test_sensor_on_an_arm_sees_the_slope():
+    # With a tool that goes on stiffly and without mass the end of the arm is the tip.
+    p = some_numbers(**{"sensor.mass": 0.0})
+    longer = {**p, "tool.overhang": p["tool.overhang"] + 0.008, "hit.offset": 0.008}
+    longer |= patch("tool", 0.0, 0.008, modulus=100.0, density=1e-6)
+    assert np.abs(np.log(recorded({**p, "sensor.arm": -0.008}) / recorded(longer))).max() < 3e-3
+    assert np.abs(np.log(recorded(p) / recorded(longer))).max() > 0.05
+
+
+def test_one_mode_is_damped():
+    p = some_numbers()
+    plain, lossy = (rig.poles({**p, **extra}) for extra in ({}, {"lossy.mode": 1.0, "lossy.zeta": 0.01}))
+    ratios = -lossy.rates.real / np.abs(lossy.rates) + plain.rates.real / np.abs(plain.rates)
+    changed = np.flatnonzero(np.abs(ratios) > 1e-6)
+    assert len(changed) == 2
+    assert ratios[changed] == pytest.approx([0.01, 0.01], rel=0.01)
+    ringing = np.sort(plain.rates.imag[plain.rates.imag > 700.0])
+    assert np.abs(plain.rates.imag[changed]) == pytest.approx([ringing[1], ringing[1]], rel=1e-4)
+
+
+def test_hits_are_disturbed_before_they_are_analysed():
+    _, truth = draw_case(3, 0, "nothing", quick=True)
+    p, setup = next(iter(truth.numbers.values())), next(iter(truth.setups.values()))
+
+    def estimate(disturb=None, **changes):
+        return measure(np.random.default_rng(1), p, replace(setup, **changes), disturb)
+
+    plain, same = estimate(), estimate(lambda number, force, response: (force, response))
+    assert same.receptance == pytest.approx(plain.receptance, rel=1e-9)
+    assert estimate(lambda number, force, response: (2.0 * force, response)).receptance == pytest.approx(
+        0.5 * plain.receptance, rel=1e-9
+    )
+    numbers = []
+    estimate(lambda number, force, response: (numbers.append(number), (force, response))[1])
+    assert numbers == list(range(setup.hits))
+    # Noise that refers to another pulse is the same noise in volts.
+    soft, usual = (estimate(pulse=10.0 * setup.pulse, usual_pulse=pulse) for pulse in (setup.pulse, 0.0))
+    assert np.median(soft.log_variance) > 10.0 * np.median(usual.log_variance)
+    assert estimate(usual_pulse=setup.pulse).receptance == pytest.approx(plain.receptance, rel=1e-9)
 
 
 def test_estimates_scatter_by_their_stated_deviation(summarise):

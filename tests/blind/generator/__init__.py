@@ -2,7 +2,7 @@
 
 from .advised import measured_again, shown_by
 from .batch import alone, every, group_of, shuffled
-from .case import KINDS, Case, Configuration, Nominal, Record, Stated, Truth, draw_case
+from .case import KINDS, NEIGHBOUR, Bench, Case, Configuration, Nominal, Record, Stated, Truth, draw_bench, draw_case
 from .effects import CATALOGUE, MEASUREMENT, OUTSIDE, Effect, Where
 from .knowledge import CHANGES, INSIDE, LEVELS, Blank, Modes, Table
 
@@ -13,7 +13,9 @@ __all__ = [
     "KINDS",
     "LEVELS",
     "MEASUREMENT",
+    "NEIGHBOUR",
     "OUTSIDE",
+    "Bench",
     "Blank",
     "Case",
     "Configuration",
@@ -26,6 +28,7 @@ __all__ = [
     "Truth",
     "Where",
     "alone",
+    "draw_bench",
     "draw_case",
     "every",
     "group_of",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,6 +17,8 @@ from .records import SPACING, Estimate, Setup, like, measure
 UPPER_HZ = 9000.0
 """Natural frequencies of new tools are compared up to here."""
 KINDS = ("nothing_exact", "nothing", "single", "outside", "pair", "one_configuration", "misleading")
+NEIGHBOUR = "neighbour"
+"""The kind of cases whose error `blind.neighbours` adds; they are no part of the mixture of `KINDS`."""
 WORDS = ("blank", "bar", "setup", "clamping", "run", "test", "series", "probe")
 
 
@@ -105,6 +107,25 @@ class Truth:
     def frequencies(self, name: str) -> NDArray[np.float64]:
         """Return the natural frequencies of a new tool, without effects of the measurement."""
         return rig.natural_frequencies(self.new_numbers[name], UPPER_HZ)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """What is measured, before any record is taken: the description, the truth, and the form of the files."""
+
+    nominal: Nominal
+    truth: Truth
+    new_tools: tuple[Configuration, ...]
+    planes: tuple[int, ...]
+    form: str
+    notes: tuple[str, ...]
+
+    def series(self) -> Iterator[tuple[Configuration, int, float]]:
+        """Yield configuration, plane and force level of the records, in the order in which they are taken."""
+        for configuration in self.nominal.configurations:
+            for plane in self.planes:
+                for level in self.truth.setups:
+                    yield configuration, plane, level
 
 
 JOINT = ("joint.k_y", "joint.k_theta", "joint.c_y", "joint.c_theta")
@@ -260,6 +281,38 @@ def draw_case(
         What is known of the holder, one of `knowledge.LEVELS`; by default its dimensions with ordinary tolerances.
     """
     rng = np.random.default_rng([seed, index, KINDS.index(kind)])
+    bench = draw_bench(rng, (seed, index), kind, effects, u=u, quick=quick, knowledge=knowledge)
+    nominal, truth = bench.nominal, bench.truth
+    records = []
+    for c, plane, level in bench.series():
+        given: dict[str, Any] = {"form": bench.form, "notes": bench.notes, "label": f"{c.name} {len(records)}"}
+        records.append(recorded(rng, nominal, truth, c, level, plane, **given))
+        where = where_of(truth, c, level, plane)
+        truth.numbers[c.name, level, plane] = all_numbers(nominal, truth, where)  # type: ignore[index]
+    # Predictions are of the machine in operation: without an undeclared sensor and without a rope.
+    lasting = tuple((effect, None) for effect in truth.effects if effect.id not in MEASUREMENT)
+    for c in bench.new_tools:
+        where = where_of(truth, c, truth.references[1], 1)
+        truth.new_numbers[c.name] = true_numbers(nominal, truth, truth.joint, truth.errors, lasting, where)  # type: ignore[index]
+    known = None
+    if knowledge not in ("", "drawing"):
+        own = tuple((effect, None) for effect in truth.effects if effect.id not in (*CHANGES, *INSIDE))
+        first, *_, last = truth.setups
+        where = where_of(truth, nominal.configurations[0], first, 1)
+        p = true_numbers(nominal, truth, truth.joint, truth.errors, own, where)
+        known = known_of(np.random.default_rng([seed, index, 80]), knowledge, p, truth.setups[last])
+    case = Case(
+        name=f"case {seed}-{index}", nominal=nominal, records=tuple(records), new_tools=bench.new_tools,
+        knowledge=knowledge, known=known,
+    )  # fmt: skip
+    return case, truth
+
+
+def draw_bench(
+    rng: np.random.Generator, seed: tuple[int, int], kind: str, effects: tuple[str, ...] = (),
+    *, u: float | None = None, quick: bool = False, knowledge: str = "",
+) -> Bench:  # fmt: skip
+    """Return what a case measures; `seed` and number of the case are noted in the truth. See `draw_case`."""
     chosen = effects or _choose(rng, kind)
     layer = kind in ("nothing_exact", "nothing", "single") and rng.random() < 0.12 and not (quick and effects)
     layer = layer and not {"joint_cross_term", "joint_spread", "collet_mass"} & set(chosen)
@@ -318,7 +371,7 @@ def draw_case(
         spacing=10.0 if quick else SPACING,
     )
     truth = Truth(
-        seed=(seed, index),
+        seed=seed,
         kind=kind,
         effects=tuple(drawn),
         joint=_draw_joint(rng, numbers["tool.diameter"]),
@@ -330,32 +383,11 @@ def draw_case(
         setups={level: like(setup, level) for level in levels},
         within=within,
     )
-    planes = (1, 2) if "xy_asymmetry" in chosen or (kind == "nothing" and rng.random() < 0.15) else (1,)
+    mixed = kind in ("nothing", NEIGHBOUR) and rng.random() < 0.15
+    planes = (1, 2) if "xy_asymmetry" in chosen or mixed else (1,)
     form = str(rng.choice(["accelerance", "accelerance", "mobility", "receptance"]))
     hints = _hints(rng, drawn) if kind == "misleading" else ()
-    records = []
-    for c in configurations:
-        for plane in planes:
-            for level in levels:
-                given: dict[str, Any] = {"form": form, "notes": hints, "label": f"{c.name} {len(records)}"}
-                records.append(recorded(rng, nominal, truth, c, level, plane, **given))
-                where = where_of(truth, c, level, plane)
-                truth.numbers[c.name, level, plane] = all_numbers(nominal, truth, where)  # type: ignore[index]
-    # Predictions are of the machine in operation: without an undeclared sensor and without a rope.
-    lasting = tuple((effect, None) for effect in drawn if effect.id not in MEASUREMENT)
-    for c in new:
-        where = where_of(truth, c, truth.references[1], 1)
-        truth.new_numbers[c.name] = true_numbers(nominal, truth, truth.joint, errors, lasting, where)  # type: ignore[index]
-    known = None
-    if data:
-        own = tuple((effect, None) for effect in drawn if effect.id not in (*CHANGES, *INSIDE))
-        p = true_numbers(nominal, truth, truth.joint, errors, own, where_of(truth, configurations[0], levels[0], 1))
-        known = known_of(np.random.default_rng([seed, index, 80]), knowledge, p, truth.setups[levels[-1]])
-    case = Case(
-        name=f"case {seed}-{index}", nominal=nominal, records=tuple(records), new_tools=new, knowledge=knowledge,
-        known=known,
-    )  # fmt: skip
-    return case, truth
+    return Bench(nominal=nominal, truth=truth, new_tools=new, planes=planes, form=form, notes=hints)
 
 
 LAYER = rig.LAYER_POINTS

@@ -150,9 +150,10 @@ class Structure:
         if damping is not None and np.any(damping):
             self._dampers.append((ends, damping))
 
-    def mass(self, station: int, mass: float, inertia: float = 0.0) -> None:
-        """Add a mass to a station."""
-        self._inertia.append((np.array([2 * station, 2 * station + 1]), np.diag([mass, inertia])))
+    def mass(self, station: int, mass: float, inertia: float = 0.0, arm: float = 0.0) -> None:
+        """Add a mass to a station, perhaps on a rigid arm along the beam."""
+        matrix = mass * np.array([[1.0, arm], [arm, arm**2]]) + np.diag([0.0, inertia])
+        self._inertia.append((np.array([2 * station, 2 * station + 1]), matrix))
 
     def matrices(self) -> Matrices:
         """Return stiffness with its losses, mass, and viscous damping."""

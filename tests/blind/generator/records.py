@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,9 @@ RATE = 25600.0
 SPACING = 8.0
 POOLED = 4
 """Neighbours to each side over which the analyser pools its noise."""
+Signal = NDArray[np.float64]
+Disturbance = Callable[[int, Signal, Signal], tuple[Signal, Signal]]
+"""Returns force and response of a hit as they are recorded, from its number and what both channels should record."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +36,8 @@ class Setup:
     """Rate of an exponential window that the analyser reports."""
     spacing: float = SPACING
     """Of the reported lines in Hz, at least."""
+    usual_pulse: float = 0.0
+    """Duration in s of the pulse to which `noise` and `hammer_noise` refer, where it is not `pulse`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,8 +81,10 @@ def _unit_hit(
     return signals[0], signals[1]
 
 
-def measure(rng: np.random.Generator, p: Mapping[str, float], setup: Setup) -> Estimate:
-    """Return an FRF from hits in time."""
+def measure(
+    rng: np.random.Generator, p: Mapping[str, float], setup: Setup, disturb: Disturbance | None = None
+) -> Estimate:
+    """Return an FRF from hits in time, whose records may be disturbed before the analyser has them."""
     rest = _time_to_rest(p, setup)
     n = 2 * round(0.5 * (p.get("record", 0.0) or rest) * RATE)
     force, response = _unit_hit(p, setup, n, rest)
@@ -91,14 +98,22 @@ def measure(rng: np.random.Generator, p: Mapping[str, float], setup: Setup) -> E
     # White noise of the channels, from the specified scatter of the mean of all hits; input ranges follow the level.
     power = float(np.sum(window**2))
     low = setup.noise / np.sqrt(power / 2.0 / setup.hits)
-    sensor = low * float(np.median(np.abs(a1))) * setup.level
-    hammer = setup.hammer_noise / np.sqrt(power / 2.0 / setup.hits) * float(np.median(np.abs(f1))) * setup.level
+    usual_f, usual_a = f1, a1
+    if setup.usual_pulse:
+        usual = _unit_hit(p, replace(setup, pulse=setup.usual_pulse), n, rest)
+        usual_f, usual_a = (np.fft.rfft(signal * window)[band] for signal in usual)
+    sensor = low * float(np.median(np.abs(usual_a))) * setup.level
+    hammer = setup.hammer_noise / np.sqrt(power / 2.0 / setup.hits) * float(np.median(np.abs(usual_f))) * setup.level
     cross = np.zeros(f1.size, dtype=np.complex128)
     force_power, response_power = np.zeros(f1.size), np.zeros(f1.size)
-    for _ in range(setup.hits):
+    for number in range(setup.hits):
         strength = setup.level * rng.uniform(0.85, 1.15)
-        f = strength * f1 + np.fft.rfft(rng.normal(0.0, hammer, n) * window)[band]
-        a = strength * a1 + np.fft.rfft(rng.normal(0.0, sensor, n) * window)[band]
+        noise = rng.normal(0.0, hammer, n), rng.normal(0.0, sensor, n)
+        if disturb is None:
+            f, a = (strength * h1 + np.fft.rfft(x * window)[band] for h1, x in zip((f1, a1), noise, strict=True))
+        else:
+            whole = disturb(number, strength * force + noise[0], strength * response + noise[1])
+            f, a = (np.fft.rfft(signal * window)[band] for signal in whole)
         cross += a * f.conj()
         force_power += np.abs(f) ** 2
         response_power += np.abs(a) ** 2

@@ -1,12 +1,21 @@
 """From numbers to a structure: holder, tool and joint as finite elements, and the response that would be recorded.
 
 All numbers of one measured configuration stand in one mapping with dotted names; whatever is optional (a collet, a
-fixture, a crack) is there when its names are.
+fixture, a crack) is there when its names are. Two things may occur any number of times, each with a name N of its own,
+on the tool (`part` 0, places from the tip on) or on the holder (`part` 1, places from the mouth on):
+
+point.N.*
+    A body at `place`, in m: `mass`, `inertia`, a spring `k` and a dashpot `c` to the ground. With `hz` and `zeta` the
+    mass is on a damped spring.
+patch.N.*
+    Another section from `start` to `end`, in m: factors `outer`, `modulus` and `density` of beams without the shank in
+    them, `bore` in m in place of their inner diameter. `core` 0 takes the shank away.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -33,12 +42,37 @@ def _rings(p: Numbers, kind: str, outer: float, inner: float) -> list[Ring]:
     return [Ring(outer, inner, modulus, density, nu, loss, coefficient(outer, inner, nu) * p.get("shear.scale", 1.0))]
 
 
+def _named(p: Numbers, kind: str, part: float | None = None) -> list[dict[str, float]]:
+    """Return the numbers of each point or patch, perhaps of those on one part."""
+    groups: dict[str, dict[str, float]] = {}
+    for address in p:
+        if address.startswith(f"{kind}."):
+            _, name, field = address.split(".")
+            groups.setdefault(name, {})[field] = p[address]
+    return [group for group in groups.values() if part is None or group["part"] == part]
+
+
+def _patched(p: Numbers, rings: list[Ring], patch: Numbers) -> list[Ring]:
+    first, *core = rings
+    coefficient = hutchinson if p["shear.hutchinson"] else cowper
+    outer, inner = first.outer * patch.get("outer", 1.0), patch.get("bore", first.inner)
+    shear = coefficient(outer, inner, first.poisson) / coefficient(first.outer, first.inner, first.poisson)
+    changed = replace(
+        first, outer=outer, inner=inner, modulus=first.modulus * patch.get("modulus", 1.0),
+        density=first.density * patch.get("density", 1.0), shear=first.shear * shear,
+    )  # fmt: skip
+    return [changed, *(core if patch.get("core", 1.0) else [])]
+
+
 class Row:
     """Beams in a row, divided at attachments."""
 
-    def __init__(self, structure: Structure, cuts: Sequence[float]) -> None:
+    def __init__(self, structure: Structure, p: Numbers, part: float, cuts: Sequence[float]) -> None:
         self.structure = structure
-        self.cuts = sorted(set(cuts))
+        self.p = p
+        self.patches = _named(p, "patch", part)
+        ends = [patch[end] for patch in self.patches for end in ("start", "end")]
+        self.cuts = sorted({*cuts, *(point["place"] for point in _named(p, "point", part)), *ends})
         self.x = 0.0
         self.at = structure.station()
         self.stations = {0.0: self.at}
@@ -46,13 +80,14 @@ class Row:
     def go(self, length: float, rings: list[Ring]) -> None:
         """Add a beam at the end."""
         end = self.x + length
-        for cut in [c for c in self.cuts if self.x + 1e-9 < c < end - 1e-9]:
-            self.at = self.structure.beam(self.at, cut - self.x, rings)
+        for cut in [*(c for c in self.cuts if self.x + 1e-9 < c < end - 1e-9), end]:
+            middle, section = 0.5 * (self.x + cut), rings
+            for patch in self.patches:
+                if patch["start"] < middle < patch["end"]:
+                    section = _patched(self.p, section, patch)
+            self.at = self.structure.beam(self.at, cut - self.x, section)
             self.x = cut
             self.stations[cut] = self.at
-        self.at = self.structure.beam(self.at, end - self.x, rings)
-        self.x = end
-        self.stations[end] = self.at
 
     def __getitem__(self, place: float) -> int:
         return self.stations[min(self.stations, key=lambda x: abs(x - place))]
@@ -78,6 +113,9 @@ def build(p: Numbers, refinement: float = 1.0) -> tuple[Structure, int, int]:
     else:
         _link(s, p, mouth, holder[0.0])
     _attach(s, p, tool, holder)
+    if "wax.hz" in p:
+        seen = resonator(s, tool[0.0], p["sensor.mass"], p["wax.hz"], p["wax.zeta"])
+        return s, seen, tool[p.get("hit.offset", 0.0)]
     if "nose.place" in p:
         nose = holder[p["nose.place"]]
         return s, nose, nose
@@ -92,7 +130,7 @@ def _tool(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> Row:
     overhang = p["tool.overhang"]
     crack = p.get("crack.place", 0.0) * overhang
     places = [p.get("hit.offset", 0.0), p.get("both.offset", 0.0), p.get("middle.place", 0.0) * overhang]
-    tool = Row(s, [*places, *(overhang + middles)])
+    tool = Row(s, p, 0.0, [*places, *(overhang + middles)])
     pieces = [(p["flute.length"], p["flute.ratio"])] if "flute.length" in p else []
     pieces.append((overhang - sum(length for length, _ in pieces), 1.0))
     if "tool.taper" in p:
@@ -101,7 +139,7 @@ def _tool(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> Row:
         steps = 8
         pieces += [(length / steps, ratio * (1.0 + p["tool.taper"] * (0.5 - (i + 0.5) / steps))) for i in range(steps)]
     for length, ratio in pieces:
-        rings = _rings(p, "tool", ratio * p["tool.diameter"], 0.0)
+        rings = _rings(p, "tool", ratio * p["tool.diameter"], p.get("tool.bore", 0.0))
         if crack and tool.x < crack < tool.x + length:
             first = crack - tool.x
             tool.go(first, rings)
@@ -117,8 +155,8 @@ def _holder(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> Row:
     """Build the holder, the shank in its mouth as a core unless the joint is spread there, perhaps screwed together."""
     total = _holder_length(p)
     spread = p.get("spread.length", 0.0) if middles.size else 0.0
-    holder = Row(s, [*middles, *(p[name] * total for name in ("ground.place", "rope.place") if name in p)])
-    core = _rings(p, "tool", p["tool.diameter"], 0.0)
+    holder = Row(s, p, 1.0, [*middles, *(p[name] * total for name in ("ground.place", "rope.place") if name in p)])
+    core = _rings(p, "tool", p["tool.diameter"], p.get("tool.bore", 0.0))
     for i in range(sections(p)):
         outer, inner, length = (p[f"holder.{i}.{name}"] for name in ("outer", "inner", "length"))
         rings = _rings(p, "holder", outer, p["tool.diameter"] if i == 0 else inner)
@@ -156,7 +194,7 @@ def _layer(s: Structure, p: Numbers, tool: Row, holder: Row, middles: NDArray[np
     weights = 1.0 + p.get("spread.slope", 0.0) * (2.0 * middles / spread - 1.0)
     weights = weights / weights.sum()
     shank = p["holder.0.length"] if "spread.loose" in p else spread
-    tool.go(shank, _rings(p, "tool", p["tool.diameter"], 0.0))
+    tool.go(shank, _rings(p, "tool", p["tool.diameter"], p.get("tool.bore", 0.0)))
     for x, share in zip(middles, weights, strict=True):
         s.spring(tool[p["tool.overhang"] + x], holder[x], k * share, c * share)
 
@@ -183,8 +221,15 @@ def _attach(s: Structure, p: Numbers, tool: Row, holder: Row) -> None:
         ("nose.ring", holder[p["holder.0.length"]], 2e-4),
     )
     for name, station, inertia in masses:
-        if p.get(name, 0.0):
-            s.mass(station, p[name], p[name] * inertia)
+        if p.get(name, 0.0) and not (name == "sensor.mass" and "wax.hz" in p):
+            s.mass(station, p[name], p[name] * inertia, p.get("sensor.arm", 0.0) if name == "sensor.mass" else 0.0)
+    for point in _named(p, "point"):
+        station = (holder if point["part"] else tool)[point["place"]]
+        if "hz" in point:
+            resonator(s, station, point["mass"], point["hz"], point["zeta"])
+        else:
+            s.mass(station, point.get("mass", 0.0), point.get("inertia", 0.0))
+            s.spring(station, None, np.diag([point.get("k", 0.0), 0.0]), np.diag([point.get("c", 0.0), 0.0]))
     if "ground.k" in p:
         at = holder[p["ground.place"] * total]
         s.spring(at, None, np.diag([p["ground.k"], 0.0]), np.diag([p["ground.c"], 0.0]))
@@ -197,21 +242,36 @@ def _attach(s: Structure, p: Numbers, tool: Row, holder: Row) -> None:
             resonator(s, station, p[f"{name}.mass"], p[f"{name}.hz"], p[f"{name}.zeta"])
 
 
-def resonator(s: Structure, station: int, mass: float, hz: float, zeta: float) -> None:
-    """Add a mass on a damped spring to a station."""
+def resonator(s: Structure, station: int, mass: float, hz: float, zeta: float) -> int:
+    """Add a mass on a damped spring to a station, and return the station of the mass."""
     own, w = s.station(), 2.0 * np.pi * hz
     # The rotating mass is negligible, and its support so stiff that its modes are above the band.
     inertia = mass * 0.0005**2
     s.mass(own, mass, inertia)
     turning = inertia * (2.0 * np.pi * 40e3) ** 2
     s.spring(station, own, np.diag([mass * w**2, turning]), np.diag([2.0 * zeta * w * mass, 0.0]))
+    return own
 
 
 @lru_cache(maxsize=256)
 def _poles(items: tuple[tuple[str, float], ...], refinement: float) -> Poles:
-    s, tip, hit = build(dict(items), refinement)
+    p = dict(items)
+    s, tip, hit = build(p, refinement)
     unit = np.eye(s.size)
-    return s.poles(unit[:, [2 * hit]], unit[:, [2 * tip]])
+    # A sensor on a rigid arm along the tool moves with the slope as well.
+    response = s.poles(unit[:, [2 * hit]], unit[:, [2 * tip]] + p.get("sensor.arm", 0.0) * unit[:, [2 * tip + 1]])
+    return _lossy(response, int(p["lossy.mode"]), p["lossy.zeta"]) if "lossy.mode" in p else response
+
+
+def _lossy(response: Poles, mode: int, zeta: float) -> Poles:
+    """Return poles of which one mode, counted from 0 at the lowest elastic one, has a larger damping ratio."""
+    angular = response.rates.imag
+    rate = np.sort(angular[angular > 2.0 * np.pi * 100.0])[mode]
+    # With losses in materials the rate of negative frequency is not quite the conjugate.
+    pair = [int(np.argmin(np.abs(angular - side * rate))) for side in (-1.0, 1.0)]
+    rates = response.rates.copy()
+    rates[pair] -= zeta * np.abs(rates[pair])
+    return replace(response, rates=rates)
 
 
 def poles(p: Numbers, refinement: float = 1.0) -> Poles:

@@ -1,0 +1,263 @@
+"""Errors of the description: numbers that are copied wrongly, and what the drawing of tool or holder leaves out.
+
+Sizes are from no change to:
+
+- loss factors of 0.01 in the tool, for 0.001, and of 0.014 in the holder, for 0.002;
+- a stated Poisson's ratio of the tool of 0.42, for 0.22;
+- 20 mm of steel at the tip of a carbide tool; all of steel behind half of the shortest overhang, down to the mouth;
+- an insertion that is shorter by 60 % of the bore;
+- a coolant channel of 40 % of the tool's diameter; a shank thicker by 10 %, from 40 to 80 % of the overhang on; a neck
+  of 12 to 30 mm thinner by 10 %; a drill's point from 40 % of the diameter on, as long as 80 % of it;
+- flutes over 25 to 40 mm with a bending stiffness lower by 30 % and a mass lower by 10 %; flutes described at the tip,
+  which are in fact at the mouth, 15 % thinner;
+- a diameter off by 5 %, as of an inch series; overhangs read with a ruler, off by 0.6 mm each (standard deviation);
+- a step of the holder off by 6 mm; a holder longer by 12 mm; a bore of its last section that the drawing leaves out; a
+  groove for the gripper, 5 mm deep and 8 mm wide; a last section of heavy alloy or aluminium, for smaller sizes of
+  something between it and steel;
+- an insert with its screw, 5 g, 4 to 10 mm behind the tip;
+- 12 mm of tool or holder heavier or lighter by 30 or 50 %; 15 mm stiffer or softer by 40 or 60 %;
+- another blank under the same name at one force level of one configuration: 4 % stiffer, 3 % lighter, 0.3 mm longer;
+- eight times the number of averages stated; clampings that scatter by 10 % (standard deviation) more than stated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from blind.generator.effects import Numbers, Where
+from blind.generator.records import Estimate
+
+from .kind import Change, Draw, Kind, added, in_configuration, patch, point, stated, times
+
+STEEL = (210e9, 7850.0)
+OTHER_METALS = ((360e9, 17600.0), (70e9, 2750.0))
+"""Moduli and densities of tungsten heavy alloy and of aluminium."""
+BEYOND = 1.0
+"""A place in m behind the end of every part."""
+POINT_STEPS = 6
+"""Cylinders that stand for a drill's point."""
+
+
+def _tool_loss(d: Draw) -> Change:
+    return Change(structure=times({"tool.loss": 1.0 + 9.0 * d.u}))
+
+
+def _holder_loss(d: Draw) -> Change:
+    return Change(structure=times({"holder.loss": 1.0 + 6.0 * d.u}))
+
+
+def _tool_poisson(d: Draw) -> Change:
+    return Change(describe=stated(tool__poisson=d.numbers["tool.poisson"] + 0.2 * d.u))
+
+
+def _of_steel(d: Draw, start: float, end: float) -> Change:
+    modulus, density = STEEL[0] / d.numbers["tool.modulus"], STEEL[1] / d.numbers["tool.density"]
+    return Change(structure=added(patch("steel", "tool", start, end, modulus=modulus, density=density)))
+
+
+def _steel_head(d: Draw) -> Change:
+    return _of_steel(d, 0.0, 0.02 * d.u)
+
+
+def _steel_shank(d: Draw) -> Change:
+    # The head is the same at all overhangs: without steel it is longer than any of them.
+    longest = max(c.overhang for c in d.bench.nominal.configurations)
+    return _of_steel(d, (1.0 - d.u) * (longest + 0.002) + 0.5 * d.u * d.shortest, BEYOND)
+
+
+def _short_insertion(d: Draw) -> Change:
+    bore = d.numbers["holder.0.length"]
+    return Change(structure=added(patch("empty", "holder", bore * (1.0 - 0.6 * d.u), bore, core=0.0)))
+
+
+def _coolant_channel(d: Draw) -> Change:
+    return Change(structure=added({"tool.bore": 0.4 * d.u * d.numbers["tool.diameter"]}))
+
+
+def _thicker_shank(d: Draw) -> Change:
+    begin = d.within(0.4, 0.8) * d.shortest
+    return Change(structure=added(patch("shank", "tool", begin, BEYOND, outer=1.0 + 0.1 * d.u)))
+
+
+def _neck(d: Draw) -> Change:
+    begin = d.within(0.15, 0.4) * d.shortest
+    return Change(structure=added(patch("neck", "tool", begin, begin + d.within(0.012, 0.03), outer=1.0 - 0.1 * d.u)))
+
+
+def _drill_point(d: Draw) -> Change:
+    length = 0.8 * d.u * d.numbers["tool.diameter"]
+    numbers: dict[str, float] = {}
+    for i in range(POINT_STEPS):
+        ends = (i * length / POINT_STEPS, (i + 1) * length / POINT_STEPS)
+        numbers |= patch(f"point{i}", "tool", *ends, outer=0.4 + 0.6 * (i + 0.5) / POINT_STEPS)
+    return Change(structure=added(numbers))
+
+
+def _flutes_of_two_diameters(d: Draw) -> Change:
+    end = d.within(0.025, 0.04)
+    return Change(structure=added(patch("flutes", "tool", 0.0, end, modulus=1.0 - 0.3 * d.u, density=1.0 - 0.1 * d.u)))
+
+
+def _turned_bar(d: Draw) -> Change:
+    length, ratio = d.within(0.015, 0.025), 1.0 - 0.15 * d.u
+
+    def structure(p: Numbers, where: Where) -> None:
+        p["flute.ratio"] = 1.0
+        p |= patch("flutes", "tool", p["tool.overhang"] - length, BEYOND, outer=ratio)
+
+    return Change(common={"flute.length": length, "flute.ratio": ratio}, structure=structure)
+
+
+def _inch_diameter(d: Draw) -> Change:
+    factor = 1.0 + 0.05 * d.u * d.sign()
+    # The bore is as wide as the shank.
+    return Change(structure=times({"tool.diameter": factor, "holder.0.inner": factor}))
+
+
+def _step_of_holder(d: Draw) -> Change:
+    away = 6e-3 * d.u * d.sign()
+
+    def structure(p: Numbers, where: Where) -> None:
+        p["holder.1.length"] += away
+        p["holder.2.length"] -= away
+
+    return Change(structure=structure)
+
+
+def _longer_holder(d: Draw) -> Change:
+    longer = 0.012 * d.u * d.sign()
+
+    def structure(p: Numbers, where: Where) -> None:
+        p["holder.2.length"] += longer
+
+    return Change(structure=structure)
+
+
+def _omitted_bore(d: Draw) -> Change:
+    return Change(describe=stated(holder__2__inner=d.numbers["holder.2.inner"] * (1.0 - d.u)))
+
+
+def _gripper_groove(d: Draw) -> Change:
+    middle = d.numbers["holder.0.length"] + 0.5 * d.numbers["holder.1.length"]
+    outer = 1.0 - 0.01 * d.u / d.numbers["holder.1.outer"]
+    return Change(structure=added(patch("groove", "holder", middle - 0.004, middle + 0.004, outer=outer)))
+
+
+def _section_of_other_metal(d: Draw) -> Change:
+    begin = d.numbers["holder.0.length"] + d.numbers["holder.1.length"]
+    modulus, density = OTHER_METALS[int(d.rng.integers(2))]
+    factors = {"modulus": (modulus / d.numbers["holder.modulus"]) ** d.u,
+               "density": (density / d.numbers["holder.density"]) ** d.u}  # fmt: skip
+    return Change(structure=added(patch("metal", "holder", begin, BEYOND, **factors)))
+
+
+def _insert_and_screw(d: Draw) -> Change:
+    return Change(structure=added(point("insert", "tool", d.within(0.004, 0.01), mass=5e-3 * d.u)))
+
+
+def _somewhere(d: Draw, field: str, length: float, on_tool: float, on_holder: float) -> Change:
+    """Change a short piece of tool or holder, at a place that is the same in all configurations."""
+    sign = d.sign()
+    if d.rng.random() < 0.5:
+        begin, share, part = d.within(0.15, 0.7) * d.shortest, on_tool, "tool"
+    else:
+        whole = sum(d.numbers[f"holder.{i}.length"] for i in range(3))
+        begin, share, part = d.within(0.3, 0.85) * whole, on_holder, "holder"
+    factor = {field: 1.0 + sign * share * d.u}
+    return Change(structure=added(patch("piece", part, begin, begin + length, **factor)))
+
+
+def _mass_somewhere(d: Draw) -> Change:
+    return _somewhere(d, "density", 0.012, 0.3, 0.5)
+
+
+def _stiffness_somewhere(d: Draw) -> Change:
+    return _somewhere(d, "modulus", 0.015, 0.4, 0.6)
+
+
+def _two_blanks(d: Draw) -> Change:
+    here, sign = in_configuration(d.configuration()), d.sign()
+
+    def structure(p: Numbers, where: Where) -> None:
+        if here(where) and where.level == d.upper:
+            p["tool.modulus"] *= 1.0 + 0.04 * d.u * sign
+            p["tool.density"] *= 1.0 - 0.03 * d.u * sign
+            p["tool.overhang"] += 3e-4 * d.u * sign
+
+    return Change(structure=structure)
+
+
+def _overstated_averages(d: Draw) -> Change:
+    factor = 1.0 + 7.0 * d.u
+
+    def analysis(e: Estimate, p: Numbers, where: Where) -> Estimate:
+        hits = round(e.averages * factor)
+        return replace(
+            e, averages=hits, log_variance=e.log_variance * e.averages / hits,
+            degrees_of_freedom=e.degrees_of_freedom * (hits - 1) / (e.averages - 1),
+        )  # fmt: skip
+
+    return Change(analysis=analysis)
+
+
+def _scattered_clampings(d: Draw) -> Change:
+    names = ("joint.k_y", "joint.k_theta")
+    factors = {c: np.exp(0.1 * d.u * d.rng.standard_normal(len(names))) for c in d.names}
+
+    def structure(p: Numbers, where: Where) -> None:
+        for name, factor in zip(names, factors[where.configuration], strict=True):
+            p[name] *= float(factor)
+
+    return Change(structure=structure)
+
+
+def _overhangs_by_ruler(d: Draw) -> Change:
+    errors = {c: 6e-4 * d.u * float(d.rng.standard_normal()) for c in d.names}
+
+    def structure(p: Numbers, where: Where) -> None:
+        p["tool.overhang"] += errors[where.configuration]
+
+    return Change(structure=structure)
+
+
+DESCRIPTION_ERRORS = (
+    Kind("tool_loss", "description", "The tool's loss factor is wrong in the file.", _tool_loss),
+    Kind("holder_loss", "description", "The holder's loss factor is wrong in the file.", _holder_loss),
+    Kind("tool_poisson", "description", "Poisson's ratio of the tool is wrong in the file.", _tool_poisson,
+         right=("shear_neglected",)),
+    Kind("steel_head", "description", "The head of the carbide tool is of steel.", _steel_head),
+    Kind("steel_shank", "description", "Behind its carbide head the tool is of steel.", _steel_shank),
+    Kind("short_insertion", "description", "The shank ends before the bottom of the bore.", _short_insertion),
+    Kind("coolant_channel", "description", "The tool has a channel for coolant that the drawing leaves out.",
+         _coolant_channel, right=("tool_density",)),
+    Kind("thicker_shank", "description", "The shank is thicker than the cutting diameter, which is stated for all.",
+         _thicker_shank),
+    Kind("neck", "description", "The tool has a neck behind its head that is not described.", _neck),
+    Kind("drill_point", "description", "The tool ends with a point and is described as a cylinder.", _drill_point,
+         right=("fluted_part",)),
+    Kind("flutes_of_two_diameters", "description", "The flutes take more stiffness than mass away.",
+         _flutes_of_two_diameters, right=("fluted_part",)),
+    Kind("turned_bar", "description", "The thinner end of the bar is in the holder and not at the tip.", _turned_bar),
+    Kind("inch_diameter", "description", "The tool is of an inch series and described by the next metric diameter.",
+         _inch_diameter),
+    Kind("step_of_holder", "description", "A step of the holder is at another place than drawn.", _step_of_holder),
+    Kind("longer_holder", "description", "The holder is of the next length of its series.", _longer_holder),
+    Kind("omitted_bore", "description", "The drawing of the holder leaves out a bore.", _omitted_bore,
+         right=("holder_inertia",)),
+    Kind("gripper_groove", "description", "The drawing of the holder leaves out the groove of the gripper.",
+         _gripper_groove),
+    Kind("section_of_other_metal", "description", "The last section of the holder is of another metal.",
+         _section_of_other_metal),
+    Kind("insert_and_screw", "description", "Insert and screw are not described.", _insert_and_screw),
+    Kind("mass_somewhere", "description", "A short piece of tool or holder is heavier or lighter than described.",
+         _mass_somewhere),
+    Kind("stiffness_somewhere", "description", "A short piece of tool or holder is stiffer or softer than described.",
+         _stiffness_somewhere),
+    Kind("two_blanks", "description", "Two blanks have one name, and one record is of the other.", _two_blanks),
+    Kind("overstated_averages", "description", "The stated number of averages is too large.", _overstated_averages),
+    Kind("scattered_clampings", "description", "Clampings scatter more than stated.", _scattered_clampings),
+    Kind("overhangs_by_ruler", "description", "The overhangs were read with a ruler and not with a caliper.",
+         _overhangs_by_ruler, right=("overhang_error",)),
+)  # fmt: skip

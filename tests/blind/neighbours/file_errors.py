@@ -1,0 +1,268 @@
+"""Errors of files: copied, exchanged, in other units, rounded, cut, filled, smoothed.
+
+Sizes are from no change to:
+
+- one record of an earlier session: joint off by 20 % (standard deviations), a sensor of 1 g more, a gain off by 5 %;
+- real and imaginary parts with fixed decimals, the last one 3e-4 of the largest value; levels in steps of 1 dB with
+  phases in steps of 5 degrees; frequencies in steps of 6 Hz, for lines at least 8 Hz apart;
+- time records cut 30 ms after the hit and filled with zeros; lines of one file from 60 % of the band on filled with the
+  last value or with a tiny one;
+- lines interpolated between every fifth one; a moving average over nine lines; twelve corrupted lines in one record.
+
+What has no size: a file copied over another one; files of two configurations exchanged; one record in g, pounds, inches
+or millimetres; displacements calculated with Hz for rad/s; one frequency axis in rad/s, or divided by 2 pi twice;
+conjugated files; degrees read as radians in one file; exchanged columns; one file of another quantity; one record that
+ends while the structure rings, after 40 to 150 ms.
+
+A wrong overhang is a right answer where the records are of another overhang than stated, whatever mixed them up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blind.generator import Record, rig
+from blind.generator.effects import Numbers, Where
+from blind.generator.records import RATE, Estimate, Signal
+
+from .kind import Change, Draw, Kind, filtered
+
+UNITS = (9.80665, 4.44822, 25.4, 1000.0)
+"""Accelerations in g, forces in pounds, displacements in inches or millimetres."""
+TINY = 1e-12
+"""Share of the largest value that a program writes in place of nothing."""
+ORDERS = {"receptance": 0, "mobility": 1, "accelerance": 2}
+Values = NDArray[np.complex128]
+
+
+def _in_file(d: Draw, change: Callable[[Values], Values]) -> Callable[[Estimate, Numbers, Where], Estimate]:
+    """Return what changes the values as they stand in the files."""
+    order = ORDERS[d.bench.form]
+
+    def analysis(e: Estimate, p: Numbers, where: Where) -> Estimate:
+        s = (2j * np.pi * e.frequency_hz + e.decay_rate) ** order
+        return replace(e, receptance=change(e.receptance * s) / s)
+
+    return analysis
+
+
+def _only(d: Draw, analysis: Callable[[Estimate, Numbers, Where], Estimate]) -> Change:
+    """Return the change of one record."""
+    here = d.record()
+    return Change(analysis=lambda e, p, where: analysis(e, p, where) if here(where) else e)
+
+
+def _pair(d: Draw) -> tuple[str, str]:
+    first, second = d.rng.choice(d.names, 2, replace=False)
+    return str(first), str(second)
+
+
+def _copied_file(d: Draw) -> Change:
+    source, target = _pair(d)
+
+    def files(records: list[Record]) -> list[Record]:
+        kept = {(r.level, r.plane): r.estimate for r in records if r.configuration == source}
+        return [replace(r, estimate=kept[r.level, r.plane]) if r.configuration == target else r for r in records]
+
+    return Change(files=files)
+
+
+def _exchanged_files(d: Draw) -> Change:
+    first, second = _pair(d)
+    other = {first: second, second: first}
+
+    def files(records: list[Record]) -> list[Record]:
+        every = {(r.configuration, r.level, r.plane): r.estimate for r in records}
+        return [
+            replace(r, estimate=every[other.get(r.configuration, r.configuration), r.level, r.plane]) for r in records
+        ]
+
+    return Change(files=files)
+
+
+def _earlier_session(d: Draw) -> Change:
+    here, gain = d.record(), 1.0 + 0.05 * d.u * d.sign()
+    names = ("joint.k_y", "joint.k_theta", "joint.c_y", "joint.c_theta")
+    factors = np.exp(0.2 * d.u * d.rng.standard_normal(len(names)))
+
+    def structure(p: Numbers, where: Where) -> None:
+        if here(where):
+            for name, factor in zip(names, factors, strict=True):
+                p[name] *= float(factor)
+            p["sensor.mass"] = p.get("sensor.mass", 0.0) + 1e-3 * d.u
+
+    return Change(structure=structure, analysis=filtered(lambda f: gain, here))
+
+
+def _fixed_decimals(d: Draw) -> Change:
+    share = 10.0 ** (-7.0 + 3.5 * d.u)
+
+    def rounded(values: Values) -> Values:
+        # A program writes 0.00 for small values; the least step stands for them, because a logarithm needs something.
+        step = share * float(np.abs(values).max())
+        written = step * (np.round(values.real / step) + 1j * np.round(values.imag / step))
+        return np.where(written == 0.0, step, written)
+
+    return Change(analysis=_in_file(d, rounded))
+
+
+def _decibels(d: Draw) -> Change:
+    level, angle = d.u + 1e-9, np.deg2rad(5.0 * d.u + 1e-9)
+
+    def rounded(values: Values) -> Values:
+        decibels = level * np.round(20.0 * np.log10(np.abs(values)) / level)
+        phase = angle * np.round(np.angle(values) / angle)
+        return np.asarray(10.0 ** (decibels / 20.0) * np.exp(1j * phase))
+
+    return Change(analysis=_in_file(d, rounded))
+
+
+def _rounded_frequencies(d: Draw) -> Change:
+    step = 6.0 * d.u + 1e-9
+
+    def analysis(e: Estimate, p: Numbers, where: Where) -> Estimate:
+        return replace(e, frequency_hz=step * np.round(e.frequency_hz / step))
+
+    return Change(analysis=analysis)
+
+
+def _other_unit(d: Draw) -> Change:
+    factor = float(d.rng.choice(UNITS)) ** d.sign()
+    return _only(d, filtered(lambda f: factor))
+
+
+def _hertz_in_conversion(d: Draw) -> Change:
+    # Accelerances divided by f squared: displacements (2 pi)^2 times as large.
+    return Change(analysis=filtered(lambda f: (2.0 * np.pi) ** 2))
+
+
+def _other_axis(d: Draw) -> Change:
+    factor = (2.0 * np.pi) ** d.sign()
+
+    def analysis(e: Estimate, p: Numbers, where: Where) -> Estimate:
+        return replace(e, frequency_hz=e.frequency_hz * factor)
+
+    return _only(d, analysis)
+
+
+def _conjugated(d: Draw) -> Change:
+    return Change(analysis=_in_file(d, np.conj))
+
+
+def _degrees_as_radians(d: Draw) -> Change:
+    return _only(d, _in_file(d, lambda values: np.abs(values) * np.exp(1j * np.rad2deg(np.angle(values)))))
+
+
+def _exchanged_columns(d: Draw) -> Change:
+    return Change(analysis=_in_file(d, lambda values: 1j * values.conj()))
+
+
+def _cut_time_records(d: Draw) -> Change:
+    # As long as any record, where nothing is cut.
+    end = rig.HIT + 0.03 / max(d.u, 1e-3)
+
+    def hits(
+        rng: np.random.Generator, number: int, force: Signal, response: Signal, where: Where
+    ) -> tuple[Signal, Signal]:
+        kept = np.arange(force.size) < end * RATE
+        return force * kept, response * kept
+
+    return Change(hits=hits)
+
+
+def _filled_lines(d: Draw) -> Change:
+    tiny = d.rng.random() < 0.5
+
+    def filled(values: Values) -> Values:
+        last = round((1.0 - 0.4 * d.u) * (values.size - 1))
+        fill = TINY * np.abs(values).max() if tiny else values[last]
+        return np.concatenate([values[: last + 1], np.full(values.size - last - 1, fill)])
+
+    return _only(d, _in_file(d, filled))
+
+
+def _interpolated(d: Draw) -> Change:
+    step = 1 + round(4.0 * d.u)
+
+    def between(values: Values) -> Values:
+        every = np.arange(values.size)
+        kept = np.unique([*every[::step], every[-1]])
+        return np.asarray(np.interp(every, kept, values[kept]))
+
+    return Change(analysis=_in_file(d, between))
+
+
+def _smoothed(d: Draw) -> Change:
+    reach = round(4.0 * d.u)
+
+    def average(values: Values) -> Values:
+        padded = np.pad(values, reach, mode="edge")
+        return np.asarray(np.convolve(padded, np.full(2 * reach + 1, 1.0 / (2 * reach + 1)), mode="valid"))
+
+    return Change(analysis=_in_file(d, average))
+
+
+def _corrupted_lines(d: Draw) -> Change:
+    places, factors = d.rng.random(12), d.rng.choice([-1.0, 0.1, 3.0, 10.0], 12)
+
+    def corrupted(values: Values) -> Values:
+        changed = values.copy()
+        for place, factor in list(zip(places, factors, strict=True))[: round(12.0 * d.u)]:
+            changed[int(place * values.size)] *= factor
+        return changed
+
+    return _only(d, _in_file(d, corrupted))
+
+
+def _other_quantity(d: Draw) -> Change:
+    power = d.sign()
+
+    def analysis(e: Estimate, p: Numbers, where: Where) -> Estimate:
+        return replace(e, receptance=e.receptance * (2j * np.pi * e.frequency_hz + e.decay_rate) ** power)
+
+    return _only(d, analysis)
+
+
+def _short_record(d: Draw) -> Change:
+    here, end = d.record(), 2.0 * round(0.5 * RATE * d.within(0.04, 0.15)) / RATE
+
+    def structure(p: Numbers, where: Where) -> None:
+        if here(where):
+            p["record"] = end
+
+    return Change(structure=structure)
+
+
+FILE_ERRORS = (
+    Kind("copied_file", "file", "The files of one configuration were copied over those of another one.", _copied_file,
+         right=("overhang_error",), sized=False),
+    Kind("exchanged_files", "file", "The files of two configurations are exchanged.", _exchanged_files,
+         right=("overhang_error",), sized=False),
+    Kind("earlier_session", "file", "One record is of an earlier session.", _earlier_session),
+    Kind("fixed_decimals", "file", "The files have few decimals.", _fixed_decimals),
+    Kind("decibels", "file", "The files have rounded levels in decibels and rounded phases.", _decibels),
+    Kind("rounded_frequencies", "file", "The frequencies in the files are rounded.", _rounded_frequencies),
+    Kind("other_unit", "file", "One file is in other units.", _other_unit, right=("calibration_gain",), sized=False),
+    Kind("hertz_in_conversion", "file", "Displacements were calculated with Hz in place of rad/s.",
+         _hertz_in_conversion, right=("calibration_gain",), sized=False),
+    Kind("other_axis", "file", "One file has its frequencies in rad/s, or divides Hz by 2 pi.", _other_axis,
+         sized=False),
+    Kind("conjugated", "file", "The files have the other sign of the exponent in time.", _conjugated, sized=False),
+    Kind("degrees_as_radians", "file", "The phases of one file are in degrees and read as radians.",
+         _degrees_as_radians, sized=False),
+    Kind("exchanged_columns", "file", "Real and imaginary parts are exchanged.", _exchanged_columns, sized=False),
+    Kind("cut_time_records", "file", "The time records were cut and filled with zeros.", _cut_time_records,
+         right=("coarse_resolution",)),
+    Kind("filled_lines", "file", "The upper lines of one file are filled.", _filled_lines),
+    Kind("interpolated", "file", "The lines of the files are interpolated.", _interpolated),
+    Kind("smoothed", "file", "The files are moving averages.", _smoothed),
+    Kind("corrupted_lines", "file", "Some lines of one file are corrupted.", _corrupted_lines),
+    Kind("other_quantity", "file", "One file holds another quantity.", _other_quantity, right=("wrong_quantity",),
+         sized=False),
+    Kind("short_record", "file", "One record ends while the structure still rings.", _short_record,
+         right=("coarse_resolution",), sized=False),
+)  # fmt: skip
