@@ -14,7 +14,7 @@ patch.N.*
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -65,14 +65,17 @@ def _patched(p: Numbers, rings: list[Ring], patch: Numbers) -> list[Ring]:
 
 
 class Row:
-    """Beams in a row, divided at attachments."""
+    """Beams in a row, divided at attachments; `section` returns the rings at a place from those of a beam."""
 
-    def __init__(self, structure: Structure, p: Numbers, part: float, cuts: Sequence[float]) -> None:
+    def __init__(
+        self,
+        structure: Structure,
+        cuts: Sequence[float],
+        section: Callable[[float, list[Ring]], list[Ring]] = lambda place, rings: rings,
+    ) -> None:
         self.structure = structure
-        self.p = p
-        self.patches = _named(p, "patch", part)
-        ends = [patch[end] for patch in self.patches for end in ("start", "end")]
-        self.cuts = sorted({*cuts, *(point["place"] for point in _named(p, "point", part)), *ends})
+        self.section = section
+        self.cuts = sorted(set(cuts))
         self.x = 0.0
         self.at = structure.station()
         self.stations = {0.0: self.at}
@@ -81,11 +84,7 @@ class Row:
         """Add a beam at the end."""
         end = self.x + length
         for cut in [*(c for c in self.cuts if self.x + 1e-9 < c < end - 1e-9), end]:
-            middle, section = 0.5 * (self.x + cut), rings
-            for patch in self.patches:
-                if patch["start"] < middle < patch["end"]:
-                    section = _patched(self.p, section, patch)
-            self.at = self.structure.beam(self.at, cut - self.x, section)
+            self.at = self.structure.beam(self.at, cut - self.x, self.section(0.5 * (self.x + cut), rings))
             self.x = cut
             self.stations[cut] = self.at
 
@@ -97,6 +96,20 @@ def _joint(p: Numbers) -> tuple[ComplexArray, NDArray[np.float64]]:
     k = np.array([[p["joint.k_y"], p["joint.k_ytheta"]], [p["joint.k_ytheta"], p["joint.k_theta"]]])
     c = np.array([[p["joint.c_y"], p["joint.c_ytheta"]], [p["joint.c_ytheta"], p["joint.c_theta"]]])
     return k * (1.0 + 1j * p["joint.loss"]), c
+
+
+def _row(s: Structure, p: Numbers, part: float, cuts: Sequence[float]) -> Row:
+    """Return the row of a part with its points and patches."""
+    patches = _named(p, "patch", part)
+
+    def section(place: float, rings: list[Ring]) -> list[Ring]:
+        for patch in patches:
+            if patch["start"] < place < patch["end"]:
+                rings = _patched(p, rings, patch)
+        return rings
+
+    ends = [patch[end] for patch in patches for end in ("start", "end")]
+    return Row(s, [*cuts, *(point["place"] for point in _named(p, "point", part)), *ends], section)
 
 
 def build(p: Numbers, refinement: float = 1.0) -> tuple[Structure, int, int]:
@@ -130,7 +143,7 @@ def _tool(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> Row:
     overhang = p["tool.overhang"]
     crack = p.get("crack.place", 0.0) * overhang
     places = [p.get("hit.offset", 0.0), p.get("both.offset", 0.0), p.get("middle.place", 0.0) * overhang]
-    tool = Row(s, p, 0.0, [*places, *(overhang + middles)])
+    tool = _row(s, p, 0.0, [*places, *(overhang + middles)])
     pieces = [(p["flute.length"], p["flute.ratio"])] if "flute.length" in p else []
     pieces.append((overhang - sum(length for length, _ in pieces), 1.0))
     if "tool.taper" in p:
@@ -155,7 +168,7 @@ def _holder(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> Row:
     """Build the holder, the shank in its mouth as a core unless the joint is spread there, perhaps screwed together."""
     total = _holder_length(p)
     spread = p.get("spread.length", 0.0) if middles.size else 0.0
-    holder = Row(s, p, 1.0, [*middles, *(p[name] * total for name in ("ground.place", "rope.place") if name in p)])
+    holder = _row(s, p, 1.0, [*middles, *(p[name] * total for name in ("ground.place", "rope.place") if name in p)])
     core = _rings(p, "tool", p["tool.diameter"], p.get("tool.bore", 0.0))
     for i in range(sections(p)):
         outer, inner, length = (p[f"holder.{i}.{name}"] for name in ("outer", "inner", "length"))
