@@ -11,7 +11,7 @@ from receptance import STEEL, Assembly, Coordinate, ModalPart, Mode, Observation
 from receptance.coupling.mode_growth import QUANTITIES, FittedModes, ModeGrowth, SpindleResiduals, of_records
 from receptance.coupling.spindle_elimination import SpindleRecords, unexplained
 from receptance.coupling.stabilisation import Stabilisation, Stabilisations, up_to_least
-from receptance.coupling.unknown_modes import _Modes, bounds_of_modes, start_modes
+from receptance.coupling.unknown_modes import FEWEST_MODES, ModeChoice, _Modes, bounds_of_modes, start_modes
 from receptance.errors import ReceptanceError
 from receptance.fit import Unknown, identify
 from receptance.fit.covariance import covariance_of
@@ -194,7 +194,9 @@ def test_residuals_about_a_spindle_are_those_of_changed_records_and_variables() 
     assert abs(changed.chi_square - about.chi_square) > 1e-6 * about.chi_square
 
 
-def started(count: int, noise: float = 0.005, *, further: int = 0) -> tuple[list[Unknown], Stabilisation]:
+def started(
+    count: int, noise: float = 0.005, *, choice: ModeChoice = FEWEST_MODES
+) -> tuple[list[Unknown], Stabilisation]:
     """Return the starts of the modes of a machine of which the records choose the number."""
     modes = [{} for _ in range(count)]
     observed = [
@@ -204,7 +206,7 @@ def started(count: int, noise: float = 0.005, *, further: int = 0) -> tuple[list
         for o in records(noise)
     ]
     bounds = bounds_of_modes("spindle", modes, {}, observed)
-    unknowns, _, chosen = start_modes(observed, [*joint(1.0), *bounds], "spindle", by_evidence=True, further=further)
+    unknowns, _, chosen = start_modes(observed, [*joint(1.0), *bounds], "spindle", by_evidence=True, choice=choice)
     assert chosen is not None
     return unknowns, chosen
 
@@ -332,7 +334,7 @@ def test_unknowns_of_modes_are_in_the_order_of_their_frequencies() -> None:
 
 
 def test_a_diagnosis_has_further_modes() -> None:
-    unknowns, chosen = started(6, further=1)
+    unknowns, chosen = started(6, choice=ModeChoice(further=1))
     assert chosen.used == chosen.chosen + 1 == len(MODES) + 1, (SEED, chosen.criterion)
     assert sum(u.address.endswith("frequency_hz") for u in unknowns) == chosen.used
 

@@ -9,6 +9,7 @@ from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import check_unknowns, observed_unknowns, parts_to_start, started_by_mode
 from receptance.campaign.problems import errors_about
 from receptance.coupling.stabilisation import Stabilisations
+from receptance.coupling.unknown_modes import ModeChoice
 from receptance.diagnosis import Cause, Metric, Verdict, diagnose
 from receptance.diagnosis.by_mode import bias_of, slenderness_of
 from receptance.diagnosis.fitting import fit_base
@@ -16,7 +17,7 @@ from receptance.diagnosis.held_out import FREQUENCIES, improvement, metrics_of
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import LEAST_FREEDOM
 from receptance.diagnosis.truncation import truncation_time
-from receptance.diagnosis.unknown_spindle import FURTHER_MODES
+from receptance.diagnosis.unknown_spindle import MODE_CHOICES
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation
 
@@ -55,10 +56,10 @@ def diagnose_campaign(
     choose_modes = None
     if parts_to_start(campaign):
         described = model
-        model, stabilised = _choose_modes(campaign, described, described, FURTHER_MODES[0])
+        model, stabilised = _choose_modes(campaign, described, described, MODE_CHOICES[0])
 
-        def choose_modes(extended: Model, further: int) -> Model:
-            return _choose_modes(campaign, described, extended, further)[0]
+        def choose_modes(extended: Model, choice: ModeChoice) -> Model:
+            return _choose_modes(campaign, described, extended, choice)[0]
 
     settings = campaign.table.settings
     with errors_about(campaign.file):
@@ -92,8 +93,10 @@ def diagnose_campaign(
     return replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=campaign.provenance())
 
 
-def _choose_modes(campaign: CampaignData, described: Model, model: Model, further: int) -> tuple[Model, Stabilisations]:
-    """Return a model with the modes of unknown spindles that its records show, `further` ones, and fits by number.
+def _choose_modes(
+    campaign: CampaignData, described: Model, model: Model, choice: ModeChoice
+) -> tuple[Model, Stabilisations]:
+    """Return a model with the modes of unknown spindles that its records show, by a choice, and their fits by number.
 
     `described` is the model of the campaign, with all modes that a spindle may have; `model` is the same, or has causes
     and other modes. All but the causes start as described.
@@ -108,7 +111,7 @@ def _choose_modes(campaign: CampaignData, described: Model, model: Model, furthe
     ]
     errors = [replace(tolerance, start=0.0) for tolerance in model.tolerances]
     unknowns, tolerances, stabilised = started_by_mode(
-        campaign, model.observations, [*others, *modal], errors, further=further
+        campaign, model.observations, [*others, *modal], errors, choice=choice
     )
     return replace(model, unknowns=tuple(unknowns), tolerances=tuple(tolerances)), stabilised
 

@@ -18,7 +18,7 @@ from receptance.campaign.values import kind_of, parse_condition
 from receptance.coupling import ForceSeries, InverseCoupling, InverseCouplings, invert_coupling
 from receptance.coupling.line_equations import TERMS
 from receptance.coupling.stabilisation import Stabilisation, Stabilisations
-from receptance.coupling.unknown_modes import start_modes
+from receptance.coupling.unknown_modes import FEWEST_MODES, ModeChoice, start_modes
 from receptance.errors import ReceptanceError
 from receptance.fit import Identification, Tolerance, Unknown, identify, profile_likelihoods
 from receptance.fit.observation import Observation
@@ -212,12 +212,12 @@ def started_by_mode(
     unknowns: Sequence[Unknown],
     tolerances: Sequence[Tolerance],
     *,
-    further: int = 0,
+    choice: ModeChoice = FEWEST_MODES,
 ) -> tuple[list[Unknown], list[Tolerance], Stabilisations]:
     """Return unknowns and errors with the starts of a fit to which the modes of modal parts were added.
 
-    Where the records choose the number of modes, there are `further` ones beyond it. The last result has the modes of
-    unknown spindles by their number.
+    `choice` is that of modes whose number the records choose. The last result has the modes of unknown spindles by
+    their number.
     """
     settings = campaign.table.settings
     begun, errors = list(unknowns), list(tolerances)
@@ -232,7 +232,7 @@ def started_by_mode(
                 begun,
                 name,
                 by_evidence=by_evidence,
-                further=further,
+                choice=choice,
                 tolerances=errors,
                 starts=settings.starts,
                 seed=settings.seed,

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +79,19 @@ _EVALUATIONS = 60
 """Largest number of evaluations of the modes alone, and of everything, in this fit."""
 _LEAST = 1e-2
 """Decrease of the cost at which this fit has converged."""
+
+
+class ModeChoice(NamedTuple):
+    """Which fit of the modes of an unknown spindle is used."""
+
+    further: int = 0
+    """Number of modes beyond that which the records show, where they choose it, if so many are fitted."""
+    rank: int = 0
+    """Rank of the fit among those with either limit of natural frequencies: 0 is the better one."""
+
+
+FEWEST_MODES = ModeChoice()
+"""The better fit without further modes."""
 
 
 def bounds_of_modes(
@@ -176,7 +190,7 @@ def start_modes(
     name: str,
     *,
     by_evidence: bool = False,
-    further: int = 0,
+    choice: ModeChoice = FEWEST_MODES,
     tolerances: Sequence[Tolerance] = (),
     starts: int = 1,
     seed: int = 0,
@@ -189,8 +203,8 @@ def start_modes(
     spindle line by line. Observations without a common line leave the starts as they are.
 
     The third result has the modes by their number, None without a common line. With `by_evidence` the unknowns are
-    those of as many modes as the records show, and of `further` ones; the others of the part have no effect. Then a
-    common line is needed (`ReceptanceError`).
+    those of as many modes as the records show, and of further ones by `choice`; the others of the part have no effect.
+    Then a common line is needed (`ReceptanceError`).
     """
     observed = list(observations)
     if not all(observation.weighted for observation in observed):
@@ -221,10 +235,11 @@ def start_modes(
             steps = part.steps(records.lines_hz, _residuals_on(spindle), records.about, near, beyond)
             fits.append(
                 _fit_of_modes(
-                    part.name, steps, records, observed, by_evidence=by_evidence, further=further, near=explained
+                    part.name, steps, records, observed, by_evidence=by_evidence, further=choice.further, near=explained
                 )
             )
-        fit, chosen = min(fits, key=lambda result: criterion(result[0], count))
+        fits.sort(key=lambda result: criterion(result[0], count))
+        fit, chosen = fits[choice.rank]
         # Modes far from the records move everything before the plane beyond the range of its linear effect.
         about = records.about(fit.before, fit.entries) if fit.chi_square < near else None
         start = records.named(spindle.x if about is None else about.x)
@@ -237,7 +252,9 @@ def start_modes(
     for x in records.starts(starts, seed):
         values = records.named(x)
         steps = part.steps(records.lines_hz, _of_equations(records.equations(x)))
-        fit, chosen = _fit_of_modes(part.name, steps, records, observed, by_evidence=by_evidence, further=further)
+        fit, chosen = _fit_of_modes(
+            part.name, steps, records, observed, by_evidence=by_evidence, further=choice.further
+        )
         begun = [*_started(others, values), *part.started(fit)]
         errors = [replace(tolerance, start=values.get(tolerance.name, 0.0)) for tolerance in tolerances]
         task = Task(tuple(observed), Parameters(begun, errors, sites), tuple(units), threads=threads)

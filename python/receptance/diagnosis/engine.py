@@ -95,8 +95,8 @@ def diagnose(
         time, the leading explanation, and the step. The expected number is an estimate that later steps correct.
     choose_modes : callable, optional
         Chooses the modes of unknown spindles: gets a model with causes, of which the unknowns have the modes that were
-        chosen without one, and a number of further modes, and returns it with those beside these causes. Modes chosen
-        from records that a cause has changed hide it.
+        chosen without one, and a choice (`unknown_spindle.MODE_CHOICES`), and returns it with those beside these
+        causes. Modes chosen from records that a cause has changed hide it.
 
     Returns
     -------

@@ -186,7 +186,7 @@ class Search:
         own, base = self.selection, self.selection.base
         try:
             if choose is not None and base.adequacy.of_lines and not base.adequacy.strain.passed:
-                base = self._fit_with_further_modes(model, choose)
+                base = self._fit_unstrained(model, choose)
             if choose is not None and base.adequacy.misfit > SCREENING_LIMIT:
                 again = self._beside_modes(model, self._lead_with_any_spindle(), choose)
                 if again is not None:
@@ -200,8 +200,8 @@ class Search:
             own.interrupted = True
         return None
 
-    def _fit_with_further_modes(self, model: Model, choose: ChooseModes) -> Fit:
-        """Replace the base by one with more modes if that does not strain the tolerances, and return it."""
+    def _fit_unstrained(self, model: Model, choose: ChooseModes) -> Fit:
+        """Replace the base by one with other modes if these do not strain the tolerances, and return it."""
         _, fit = fit_unstrained(replace(model, threads=1), choose)
         if fit.adequacy.passed:
             self.selection.base = fit

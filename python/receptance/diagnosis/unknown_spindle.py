@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from receptance.coupling.spindle_elimination import SpindleRecords
+from receptance.coupling.unknown_modes import ModeChoice
 from receptance.diagnosis.causes import Step, parameters_of
 from receptance.diagnosis.fitting import Fit, fit_base, refit
 from receptance.diagnosis.model import Model
@@ -21,12 +22,12 @@ from receptance.errors import ReceptanceError
 from receptance.fit.unknowns import Unknown
 from receptance.model.terminals import MODE_ADDRESS
 
-ChooseModes = Callable[[Model, int], Model]
-"""Returns a model with the modes of its unknown spindles chosen again, beside the causes that it has: as many as the
-records show and, if so many are fitted, a number of further ones."""
-FURTHER_MODES = (1, 2)
-"""Numbers of further modes, the second one where errors of the tolerances make up for modes that are missing. A further
-mode explains something, although too little to be worth its numbers, and a cause must not take its place."""
+ChooseModes = Callable[[Model, ModeChoice], Model]
+"""Returns a model with the modes of its unknown spindles chosen again, beside the causes that it has."""
+MODE_CHOICES = (ModeChoice(1, 0), ModeChoice(1, 1), ModeChoice(2, 0), ModeChoice(2, 1))
+"""Choices of modes. A further mode explains something, although too little to be worth its numbers, and a cause must
+not take its place. All but the first one are for spindles whose modes are in the wrong places, or too few, so that
+errors of the tolerances make up for them."""
 
 
 @dataclass(frozen=True)
@@ -73,20 +74,19 @@ def _moved_modes(model: Model) -> list[Unknown]:
 
 
 def fit_unstrained(model: Model, choose: ChooseModes) -> tuple[Model, Fit]:
-    """Return a model with the fewest further modes that do not strain its tolerances, and its fit.
+    """Return a model with the first choice of modes that does not strain its tolerances, and its fit.
 
-    It has the fewest of all where the fit does not explain all lines, and where all of them strain the tolerances.
+    It is the first one of all where that does not explain all lines, and where all of them strain the tolerances.
     """
-    pairs: list[tuple[Model, Fit]] = []
-    for further in FURTHER_MODES:
-        chosen = choose(model, further)
+    first: tuple[Model, Fit] | None = None
+    for choice in MODE_CHOICES:
+        chosen = choose(model, choice)
         fit = fit_base(chosen, continuations=0)
-        pairs.append((chosen, fit))
-        if fit.adequacy.strain.passed:
+        first = first or (chosen, fit)
+        if fit.adequacy.strain.passed or not first[1].adequacy.of_lines:
             return chosen, fit
-        if not fit.adequacy.of_lines:
-            break
-    return pairs[0]
+    assert first is not None
+    return first
 
 
 def fit_with_modes(model: Model, step: Step, before: Fit, choose: ChooseModes) -> tuple[Model, Fit]:
