@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from receptance.coupling.spindle_elimination import SpindleRecords
-from receptance.diagnosis.causes import Step, parameters_of
+from receptance.diagnosis.causes import Variant, parameters_of
 from receptance.diagnosis.fitting import Fit, fit_base, refit
 from receptance.diagnosis.model import Model
 from receptance.errors import ReceptanceError
@@ -68,7 +68,7 @@ def _moved_modes(model: Model) -> list[Unknown]:
     return [unknown for unknown in moved if any(MODE_ADDRESS.fullmatch(address) for address in unknown.addresses)]
 
 
-def fit_with_modes(model: Model, step: Step, before: Fit, choose: ChooseModes) -> tuple[Model, Fit]:
+def fit_with_modes(model: Model, variant: Variant, before: Fit, choose: ChooseModes) -> tuple[Model, Fit]:
     """Return a model whose modes are chosen beside a cause, and its fit with this cause.
 
     Beside a cause that changes the spindle in some configurations the modes are those of the others.
@@ -77,8 +77,8 @@ def fit_with_modes(model: Model, step: Step, before: Fit, choose: ChooseModes) -
     ----------
     model : Model
         The model without the cause.
-    step : Step
-        The cause.
+    variant : Variant
+        The cause in one of its variants.
     before : Fit
         A fit with the cause and other modes: its sizes from which the choice starts.
     choose : callable
@@ -104,4 +104,4 @@ def fit_with_modes(model: Model, step: Step, before: Fit, choose: ChooseModes) -
         unknowns=(*(unknown for unknown in chosen.unknowns if unknown.name not in causes), *unseen),
         tolerances=tuple(replace(tolerance, start=starts.get(tolerance.name, 0.0)) for tolerance in model.tolerances),
     )
-    return without, refit(step.extend(without), fit.values, evaluations=fit.evaluations)
+    return without, refit(variant.apply(without), fit.values, evaluations=fit.evaluations)
