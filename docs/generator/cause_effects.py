@@ -176,10 +176,14 @@ def _setup(cause: Cause) -> Callable[[], Model]:
     return _SETUPS.get(cause.id, _free)
 
 
+def _truncated(model: Model) -> Model:
+    return model.map(lambda one: altered(one, ends=TRUNCATED))
+
+
 def _variant(cause: Cause, model: Model) -> Variant:
     if cause.id == "coarse_resolution":
         # The cause itself looks for the end of the records in measured data.
-        return Variant("records end too early", model.map(lambda one: altered(one, ends=TRUNCATED)))
+        return Variant("records end too early", _truncated).of(cause)
     variants = cause.variants(model)
     if cause.id == "missing_mode":
         return min(variants, key=lambda one: abs(float(one.name.split()[1]) - 1500.0))
@@ -232,10 +236,11 @@ def _effect(id: str) -> Effect:
     model = _setup(cause)().with_witnesses()
     variant = _variant(cause, model)
     before = {one.name for one in model.unknowns}
-    added = [one for one in variant.model.unknowns if one.name not in before]
+    extended = variant.apply(model)
+    added = [one for one in extended.unknowns if one.name not in before]
     times = SIZES.get(id, LARGE_SIZE)
     sizes = {one.name: min(max(one.parameter.at(times), one.lower), one.upper) for one in added}
-    measured = _calculated(variant.model, sizes)
+    measured = _calculated(extended, sizes)
     fit = refit(_with_data(model, measured), {})
     return Effect(
         variant.name,
@@ -283,10 +288,10 @@ def look_alikes(id: str) -> dict[str, float]:
     """
     cause = CATALOGUE[id]
     base, every = _directions(_setup(cause))
-    shown = _variant(cause, base.model).name
+    shown = _variant(cause, base.model)
     found: dict[str, float] = {}
     for own in every:
-        if own.is_of(id, shown):
+        if own.variant == shown:
             for one in every:
                 if one.cause.id != id:
                     found[one.cause.id] = max(found.get(one.cause.id, 0.0), look_alike(own, one))
@@ -298,9 +303,9 @@ def _directions(setup: Callable[[], Model]) -> tuple[Fit, list[Direction]]:
     """Return the fit of a model to its own responses, and the effects of all variants of all causes on it."""
     model = setup()
     fit = refit(_with_data(model, _calculated(model, {})).with_witnesses(), {})
-    found: list[tuple[Cause, Variant]] = []
+    extensions: list[tuple[Variant, Model]] = []
     for cause in CATALOGUE.values():
         # Not those that do not apply to the model.
         with contextlib.suppress(UndecidableError):
-            found += [(cause, one) for one in cause.variants(fit.model)]
-    return fit, directions(fit, found)
+            extensions += cause.extensions(fit.model)
+    return fit, directions(fit, extensions)

@@ -12,13 +12,14 @@ import pytest
 from campaign_text import TEXT, load
 from plain_residuals import truncated
 from receptance import FRF, campaign
-from receptance.diagnosis import CATALOGUE, Cause, Step, Variant
+from receptance.diagnosis import CATALOGUE, Cause, Variant
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
 from receptance.fit.observation import altered
 from receptance.fit.unknowns import Law
 from receptance.io import read_frf, write
+from variant_of_cause import variant_of
 
 LINES = np.linspace(300.0, 6000.0, 400)
 JOINT = {"joint.k_y": 5e8, "joint.k_theta": 1e5, "joint.c_y": 200.0, "joint.c_theta": 0.5}
@@ -77,16 +78,17 @@ def write_campaign(folder: Path, more: str = "", **changes: float) -> campaign.C
     return load(folder, f"{head}{measured}{UNKNOWNS}")
 
 
-def as_if_found(read: campaign.Campaign, *steps: tuple[str, str]) -> tuple[campaign.Campaign, Any]:
+def as_if_found(read: campaign.Campaign, *causes: tuple[str, str]) -> tuple[campaign.Campaign, Any]:
     """A diagnosis that ended at causes where they are small, without the work of one."""
     model, _ = read.base_model()
     model = model.with_witnesses()
     base = _at_start(model)
-    causes = tuple(Step(CATALOGUE[cause], variant) for cause, variant in steps)
-    for step in causes:
-        model = step.extend(model)
+    variants = []
+    for cause, name in causes:
+        variants.append(variant_of(model, cause, name))
+        model = variants[-1].apply(model)
     fit = _at_start(model)
-    explanation = Explanation(causes, fit, 100.0, 100.0)
+    explanation = Explanation(tuple(variants), fit, 100.0, 100.0)
     verdict: Any = SimpleNamespace(
         verdict="named",
         explanation=explanation,
@@ -126,7 +128,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> campaign.Campaign:
 def test_every_cause_can_be_written(small: campaign.Campaign, cause: str, part: slice) -> None:
     """`write_extended` reads its text before writing, and refuses a model that differs from the diagnosed one."""
     model, _ = small.base_model()
-    for variant in CATALOGUE[cause].variants(model)[part]:
+    for variant, _ in CATALOGUE[cause].extensions(model)[part]:
         read, verdict = as_if_found(small, (cause, variant.name))
         path = campaign.write_extended(read, verdict, small.file.with_name("extended.toml"))
         again = campaign.load(path)
@@ -219,8 +221,8 @@ def test_coupling_term_follows_the_clampings_in_the_file(tmp_path: Path) -> None
 
 def test_causes_together_sensors_and_flutes_and_hits(tmp_path: Path) -> None:
     sensed = write_campaign(tmp_path, 'sensor = "accelerometer"')
-    steps = [("sensor_mass", "all"), ("fluted_part", "from the tip"), ("calibration_gain", "short")]
-    read, verdict = as_if_found(sensed, *steps)
+    causes = [("sensor_mass", "all"), ("fluted_part", "from the tip"), ("calibration_gain", "short")]
+    read, verdict = as_if_found(sensed, *causes)
     again = campaign.load(campaign.write_extended(read, verdict, tmp_path / "extended.toml"))
     observed = again.measurements["longest"].assembly
     assert set(observed.attachments) == {"accelerometer", "cause_sensor"}
@@ -233,14 +235,17 @@ def test_causes_together_sensors_and_flutes_and_hits(tmp_path: Path) -> None:
 def test_causes_without_campaign_syntax_are_refused(tmp_path: Path) -> None:
     """The file of a custom cause is the diagnosed model, or no file is written."""
 
+    def enlarge(model: Model) -> Model:
+        return model.map(lambda one: altered(one, receptance=1.1 * one.receptance))
+
     def change(p: Any, model: Model) -> Any:
-        yield Variant("all", model.map(lambda one: altered(one, receptance=1.1 * one.receptance)))
+        yield Variant("all", enlarge)
 
     odd = Cause(id="odd", group="measurement", parameters=(), change=change, meaning="odd", remedy="none")
     read = write_campaign(tmp_path)
     read, verdict = as_if_found(read)
-    model = odd.variants(verdict.explanation.fit.model)[0].model
-    verdict.explanation = Explanation((Step(odd, "all"),), _at_start(model), 100.0, 100.0)
+    ((variant, model),) = odd.extensions(verdict.explanation.fit.model)
+    verdict.explanation = Explanation((variant,), _at_start(model), 100.0, 100.0)
     with pytest.raises(ValueError, match="a campaign file cannot describe"):
         campaign.write_extended(read, verdict, tmp_path / "extended.toml")
     assert not (tmp_path / "extended.toml").exists()

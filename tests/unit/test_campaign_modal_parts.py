@@ -394,7 +394,7 @@ modes = [
 
 
 def with_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    """Add a third mode to the spindle."""
+    """Yield a third mode of the spindle."""
 
     def build(assembly: Assembly) -> Assembly:
         *rest, spindle = assembly.elements.values()
@@ -402,7 +402,7 @@ def with_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         more = Mode(frequency_hz=1300.0, damping_ratio=0.02, y=0.0, theta=0.0)
         return Assembly([*rest, replace(spindle, modes=(*spindle.modes, more))])
 
-    yield Variant("one more", model.rebuild(build).plus(p["y"].unknown("spindle.mode[2].y")))
+    yield Variant("one more", lambda model: model.rebuild(build).plus(p["y"].unknown("spindle.mode[2].y")))
 
 
 ANOTHER = Cause(

@@ -36,6 +36,7 @@ from receptance.fit import Move
 from receptance.fit.observation import altered
 from receptance.fit.parameters import Parameters
 from receptance.fit.problem import Task
+from variant_of_cause import extended_by
 
 LINES = np.linspace(200.0, 6000.0, 300)
 FEW = ("sensor_mass", "tool_modulus", "calibration_gain")
@@ -557,12 +558,12 @@ def test_cause_of_zero_size_moves_no_position(name: str, witnessed: bool) -> Non
     model = Model(tuple(of_places(make_stepped_assembly(0.05), *pair) for pair in pairs), tuple(STARTED))
     model = model.with_witnesses() if witnessed else model
     try:
-        variants = CATALOGUE[name].variants(model)
+        extensions = CATALOGUE[name].extensions(model)
     except UndecidableError:
         assert name == "joint_overhang_law"  # one overhang
         return
-    for variant in variants:
-        assert np.abs(relative_error(variant.model, {})).max() < 0.3, variant.name
+    for variant, extended in extensions:
+        assert np.abs(relative_error(extended, {})).max() < 0.3, variant.name
 
 
 LAYER = SpreadJoint(
@@ -626,12 +627,12 @@ def test_places_stay_where_they_are_as_a_length_changes(
     pairs = [(one, PLACES[0]) for one in PLACES] + [(one, one) for one in PLACES[1:]]
     data = make_stepped_assembly(truth.pop("overhang", 0.05), **truth)
     model = Model(tuple(of_places(data, *pair, cut=cut) for pair in pairs), tuple(STARTED))
-    chosen = next(one for one in CATALOGUE[cause].variants(model) if one.name == variant)
+    extended = extended_by(model, cause, variant)
     requested = {f"{cause}.{name}": value for name, value in values.items()}
-    bounds = {unknown.name: (unknown.lower, unknown.upper) for unknown in chosen.model.unknowns}
+    bounds = {unknown.name: (unknown.lower, unknown.upper) for unknown in extended.unknowns}
     assert all(bounds[name][0] <= value <= bounds[name][1] for name, value in requested.items())
-    assert any(values.values()) == (np.abs(relative_error(chosen.model, {})).max() > 1.0)
-    assert np.abs(relative_error(chosen.model, requested)).max() < 1e-4
+    assert any(values.values()) == (np.abs(relative_error(extended, {})).max() > 1.0)
+    assert np.abs(relative_error(extended, requested)).max() < 1e-4
 
 
 @pytest.mark.parametrize(
@@ -647,10 +648,10 @@ def test_only_hits_move(part: str, position: float, moved: float) -> None:
     model = Model(tuple(data), tuple(STARTED))
     side = "farther from the tip" if moved > 0.0 else "nearer to the tip"
     name = f"on {part} at {1e3 * position:g} mm, {side}"
-    chosen = next(one for one in CATALOGUE["hammer_offset"].variants(model) if one.name == name)
+    extended = extended_by(model, "hammer_offset", name)
     small = 5e-6 if moved > 0.0 else -5e-6
-    assert np.abs(relative_error(chosen.model, {})).max() > 1.0
-    assert np.abs(relative_error(chosen.model, {"hammer_offset.distance": moved - small})).max() < 1e-4
+    assert np.abs(relative_error(extended, {})).max() > 1.0
+    assert np.abs(relative_error(extended, {"hammer_offset.distance": moved - small})).max() < 1e-4
 
 
 def replace_excitation(one: Observation, place: Coordinate) -> Observation:
@@ -665,7 +666,7 @@ def test_hits_move_along_flutes() -> None:
     )
     model = Model((data,), tuple(STARTED))
     for cause, variant in (("fluted_part", "from the tip"), ("hammer_offset", "on tool at 0 mm")):
-        model = next(one.model for one in CATALOGUE[cause].variants(model) if one.name == variant)
+        model = extended_by(model, cause, variant)
     values = {
         "fluted_part.length": 0.01 - 1e-5,
         "fluted_part.log_diameter": np.log(11 / 12),
@@ -713,6 +714,6 @@ def test_response_within_the_contact_excludes_a_spread_joint() -> None:
         of_places(make_stepped_assembly(0.05), nose, nose),
     ]
     with pytest.raises(UndecidableError, match="holder at 0 mm"):
-        CATALOGUE["joint_spread"].variants(Model(tuple(observations), tuple(STARTED)))
+        CATALOGUE["joint_spread"].extensions(Model(tuple(observations), tuple(STARTED)))
     verdict = diagnose(observations, STARTED, causes=["joint_spread", "calibration_gain"], most=1)
     assert "holder at 0 mm" in verdict.undecidable["joint_spread"]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, PointMass, Segment, Unknown
-from receptance.diagnosis import CATALOGUE, Model, Step, diagnose
+from receptance.diagnosis import CATALOGUE, Model, diagnose
 from receptance.diagnosis.advice import MENU, Hypothesis, MenuItem, advise
 from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.explanation import Explanation, Selection
@@ -18,6 +18,7 @@ from receptance.diagnosis.judgement import Judgement
 from receptance.fit import Tolerance
 from receptance.fit.observation import altered
 from receptance.predict import Menu
+from variant_of_cause import variant_of
 
 LINES = np.linspace(200.0, 6000.0, 300)
 TRUE = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
@@ -55,16 +56,17 @@ def selection() -> Selection:
     model = make_observations(5e-4)
     base = refit(model, {})
     selection = Selection(base, 7.0, 0.0, [], {})
-    for name, variant in (
+    for cause, name in (
         ("sensor_mass", "all"),
         ("hammer_offset", "on tool at 0 mm"),
         ("fluted_part", "from the tip"),
     ):
-        changed = next(v.model for v in CATALOGUE[name].variants(model) if v.name == variant)
+        variant = variant_of(model, cause, name)
+        changed = variant.apply(model)
         starts = [{}, {"sensor_mass.mass": 5e-4, "hammer_offset.distance": 3e-4, "fluted_part.log_diameter": -0.01}]
         fit = min((refit(changed, start) for start in starts), key=lambda one: one.chi_square)
         gain = base.chi_square - fit.chi_square
-        selection.add(Explanation((Step(CATALOGUE[name], variant),), fit, gain, gain - 7.0))
+        selection.add(Explanation((variant,), fit, gain, gain - 7.0))
     return selection
 
 
@@ -103,7 +105,7 @@ def test_expected_gain_equals_that_of_refits(selection: Selection, describe: obj
         new = altered(requested.with_values(clean * np.exp(noise)), standard_deviation=np.full(LINES.size, 0.0105))
         growth = []
         for one in (truth, other):
-            whole = transfer(replace(model, observations=(*model.observations, new)), one.steps)
+            whole = transfer(replace(model, observations=(*model.observations, new)), one.variants)
             again = refit(replace(one.fit.model, observations=whole.observations), one.fit.values)
             growth.append(again.chi_square - one.fit.chi_square)
         found.append(growth[1] - growth[0])
@@ -164,10 +166,10 @@ def test_indistinguishable_losses_are_listed(selection: Selection) -> None:
     for name in ("joint_hysteretic_loss", "exponential_window", "suspension"):
         variant = CATALOGUE[name].variants(model)[-1 if name == "suspension" else 0]
         start = {"suspension.stiffness": 2e4, "suspension.damping": 20.0, "exponential_window.decay_rate": 2.0}
-        fit = evaluate(variant.model, selection.base.values)
+        fit = evaluate(variant.apply(model), selection.base.values)
         values = {**fit.values, **{key: value for key, value in start.items() if key in fit.values}}
         fit = replace(fit, x=fit.task.variables.from_values(np.array(list(values.values()))))
-        close.append(Explanation((Step(CATALOGUE[name], variant.name),), fit, 40.0, 30.0))
+        close.append(Explanation((variant,), fit, 40.0, 30.0))
     found = advise(selection, Judgement("ambiguous", tuple(close), tuple(next(iter(one.ids)) for one in close), ()))
     assert found is not None
     assert found.resolves == 1.0

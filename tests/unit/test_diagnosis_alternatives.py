@@ -126,7 +126,7 @@ def test_an_alternative_withholds_a_name(selection: Selection, more: float, alon
     judgement = conclude(replace(selection, explanations=[best], alternatives=[other_change]))
     assert judgement.answer == alone
     other = next(one for one in selection.singles if one is not best)
-    pair = replace(best, steps=(*best.steps, *other.steps))
+    pair = replace(best, variants=(*best.variants, *other.variants))
     judgement = conclude(replace(selection, explanations=[pair], alternatives=[other_change]))
     assert judgement.answer == together
 
@@ -148,10 +148,10 @@ def test_every_alternative_has_an_effect_only_off_its_null(alternative: Cause) -
     model = Model(tuple(data), tuple(JOINT), tuple(TOLERANCES))
     problem = model.task.problem()
     before = problem.residual(problem.variables.start).copy()
-    variants = alternative.variants(model)
-    assert variants
-    for variant in variants:
-        task = variant.model.task
+    extensions = alternative.extensions(model)
+    assert extensions
+    for _, extended in extensions:
+        task = extended.task
         there = task.problem()
         start = there.variables.start
         after = there.residual(start).copy()[: before.size]
@@ -176,8 +176,8 @@ def test_competing_explanation_is_fitted() -> None:
     data = [make_observations(chain(x, diameters=cone), x) for x in OVERHANGS]
     model = Model(tuple(data), tuple(JOINT), tuple(TOLERANCES))
     (rival,) = [one for one in ALTERNATIVES if one.id == "cone"]
-    (variant,) = rival.variants(model)
+    ((_, conical),) = rival.extensions(model)
     values = {"joint.k_y": 6e8, "joint.k_theta": 1e5, "joint.c_y": 300.0, "joint.c_theta": 1.0}
-    fit = refit(variant.model, values)
+    fit = refit(conical, values)
     assert fit.misfit == pytest.approx(1.0, abs=0.1)
     assert fit.values["cone.log_diameter"] == pytest.approx(0.03, abs=0.003)

@@ -48,19 +48,17 @@ def test_the_linearised_maximum_is_that_of_full_refits() -> None:
     full, linear = [], []
     for _ in range(DRAWS):
         fit = refit(base(rng), {})
-        variants = [(CATALOGUE[name], one) for name in CAUSES for one in CATALOGUE[name].variants(fit.model)]
-        found = directions(fit, variants)
+        found = directions(fit, [pair for name in CAUSES for pair in CATALOGUE[name].extensions(fit.model)])
         linear.append(max(one.score - PENALTY * one.count for one in found))
         best = -np.inf
         for one in found:
-            end = refit(one.variant.model, {**fit.values, **one.estimate})
+            end = refit(one.model, {**fit.values, **one.estimate})
             best = max(best, fit.chi_square - end.chi_square - PENALTY * one.count)
         full.append(best)
     # Draw by draw the two are the same number, and so are their distributions and the threshold's own draws.
     assert np.abs(np.array(full) - linear).max() < 0.5
     noiseless = refit(base(None), {})
-    variants = [(CATALOGUE[name], one) for name in CAUSES for one in CATALOGUE[name].variants(noiseless.model)]
-    found = directions(noiseless, variants)
+    found = directions(noiseless, [pair for name in CAUSES for pair in CATALOGUE[name].extensions(noiseless.model)])
     middle, high, low = (detection_threshold(found, PENALTY, level=level) for level in (0.5, 0.95, 0.05))
     spread = math.sqrt(0.25 / DRAWS)
     assert np.quantile(full, 0.5 - 2.5 * spread) < middle < np.quantile(full, 0.5 + 2.5 * spread)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,15 +14,27 @@ import pytest
 
 from blank_in_holder import make_assembly
 from limits import LIMIT_S
-from receptance import CARBIDE, STEEL, Assembly, ColletJoint, Observation, Part, PointJoint, Segment, Unknown
-from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, Step, UndecidableError, Variant
-from receptance.diagnosis.causes import parameters_of
+from receptance import (
+    CARBIDE,
+    STEEL,
+    Assembly,
+    ColletJoint,
+    Coordinate,
+    Observation,
+    Part,
+    PointJoint,
+    Segment,
+    Unknown,
+)
+from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, UndecidableError, Variant
+from receptance.diagnosis.causes import extend, parameters_of, transfer
 from receptance.diagnosis.explanation import Explanation, behind_limit
 from receptance.diagnosis.fitting import explore, in_parallel
 from receptance.diagnosis.model import IndescribableError
 from receptance.diagnosis.thresholds import COLLET_GYRATION
 from receptance.fit import Law, Move, Tolerance
 from receptance.fit.observation import altered
+from variant_of_cause import extended_by, variant_of
 
 LINES = np.linspace(200.0, 6000.0, 120)
 
@@ -54,15 +68,15 @@ def moved_residual(model: Model, cause: str) -> np.ndarray:
 @pytest.mark.parametrize("name", sorted(CATALOGUE))
 def test_every_new_unknown_of_a_cause_stands_for_one_of_its_parameters(name: str) -> None:
     try:
-        variants = CATALOGUE[name].variants(MODEL)
+        extensions = CATALOGUE[name].extensions(MODEL)
     except UndecidableError:
         return
     declared = {one.key for one in CATALOGUE[name].parameters}
-    for variant in variants:
-        own = parameters_of(variant.model.unknowns)
+    for _, extended in extensions:
+        own = parameters_of(extended.unknowns)
         assert {one.key for one in own.values()} <= declared
         assert {one.cause for one in own.values()} <= {name}
-        assert set(own) == {u.name for u in variant.model.unknowns} - {u.name for u in JOINT}
+        assert set(own) == {u.name for u in extended.unknowns} - {u.name for u in JOINT}
 
 
 def test_variants_have_different_names() -> None:
@@ -76,13 +90,11 @@ def test_variants_have_different_names() -> None:
 
 def test_a_parameter_keeps_its_declaration_through_other_causes() -> None:
     """Flutes divide the tool and renumber unknowns; a sensor before them is still found."""
-    steps = (Step(CATALOGUE["sensor_mass"], "50 mm"), Step(CATALOGUE["fluted_part"], "from the tip"))
-    model = MODEL
-    for step in steps:
-        model = step.extend(model)
+    variants = (variant_of(MODEL, "sensor_mass", "50 mm"), variant_of(MODEL, "fluted_part", "from the tip"))
+    model = extend(MODEL, variants)
     fit: Any = SimpleNamespace(model=model, values={u.name: 0.1 for u in model.unknowns})
-    found = Explanation(steps, fit, 0.0, 0.0)
-    assert list(found.sizes(steps[0].cause)) == ["sensor_mass.mass @ 50 mm"]
+    found = Explanation(variants, fit, 0.0, 0.0)
+    assert list(found.sizes(variants[0].cause)) == ["sensor_mass.mass @ 50 mm"]
     assert [one.key for one in found.parameters.values()] == [
         "sensor_mass.mass",
         "fluted_part.log_diameter",
@@ -102,27 +114,102 @@ def test_a_structure_without_a_joint_has_a_suspension_and_a_sensor_in_proportion
     loss = (Unknown(address="bar.segment[0].loss_factor", lower=1e-6, upper=0.1, start=1e-3),)
     for diameter, largest in ((0.005, 0.03), (0.04, 0.05 * 7850.0 * np.pi / 4.0 * 0.04**2)):
         model = Model((observed(diameter),), loss)
-        (sensor,) = CATALOGUE["sensor_mass"].variants(model)
-        mass = parameters_of(sensor.model.unknowns)["sensor_mass.mass"]
+        ((_, sensed),) = CATALOGUE["sensor_mass"].extensions(model)
+        mass = parameters_of(sensed.unknowns)["sensor_mass.mass"]
         assert mass.plausible == pytest.approx((0.0, largest))
         assert mass.upper >= 0.2
-        hung = CATALOGUE["suspension"].variants(model)
-        assert [one.name for one in hung][:2] == ["at 0 % of the structure", "at 0 % of the structure, with a loss"]
-        assert hung[0].model.observations[0].assembly.get("cause_rope.k_y") == 0.0
+        ((first, hung), (second, _), *_) = CATALOGUE["suspension"].extensions(model)
+        assert [first.name, second.name] == ["at 0 % of the structure", "at 0 % of the structure, with a loss"]
+        assert hung.observations[0].assembly.get("cause_rope.k_y") == 0.0
 
 
 def test_unknown_without_parameter_is_an_error() -> None:
+    def add(model: Model) -> Model:
+        return model.plus(Unknown(address="joint.c_y", lower=1.0, upper=1e4))
+
     def change(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-        yield Variant("all", model.plus(Unknown(address="joint.c_y", lower=1.0, upper=1e4)))
+        yield Variant("all", add)
 
     odd = Cause(id="odd", group="structure", parameters=(), change=change, meaning="odd", remedy="none")
+    (variant,) = odd.variants(MODEL)
     with pytest.raises(TypeError, match=r"Cause 'odd': the unknown 'joint.c_y' of 'all' is not made of one of its par"):
-        odd.variants(MODEL)
+        variant.apply(MODEL)
 
 
-def test_a_variant_that_the_model_does_not_have() -> None:
-    with pytest.raises(IndescribableError, match="sensor_mass 99 mm"):
-        Step(CATALOGUE["sensor_mass"], "99 mm").extend(MODEL)
+def test_a_variant_needs_a_function() -> None:
+    with pytest.raises(TypeError, match=r"Variant 'all': change is .*Model.*, expected a function of a model"):
+        Variant("all", MODEL)  # type: ignore[arg-type]
+
+
+def test_variants_of_the_same_cause_and_name_are_equal() -> None:
+    """However they were listed: from the model, or from one with another cause."""
+    (density,) = CATALOGUE["tool_density"].variants(MODEL)
+    (other,) = CATALOGUE["tool_density"].variants(extended_by(MODEL, "fluted_part", "from the tip"))
+    assert density == other
+    assert {density: 1}[other] == 1
+    assert density != density.of(replace(density.cause, id="another"))
+    (modulus,) = CATALOGUE["tool_modulus"].variants(MODEL)
+    assert modulus.name == density.name
+    assert modulus != density
+
+
+def test_a_variant_has_the_meaning_and_the_remedy_of_its_cause_by_default() -> None:
+    cause = CATALOGUE["tool_material"]
+    for variant in cause.variants(MODEL):
+        assert f"the tool is of {variant.name}" in variant.meaning
+        assert variant.cause is cause
+    (density,) = CATALOGUE["tool_density"].variants(MODEL)
+    assert (density.meaning, density.remedy) == (density.cause.meaning, density.cause.remedy)
+
+
+def test_a_variant_listed_beside_another_cause_acts_without_it() -> None:
+    """Addresses and rooms are those of the model on which it acts."""
+    fluted = extended_by(MODEL, "fluted_part", "from the tip")
+    overhang = variant_of(fluted, "overhang_error", "all")
+    for model, segment in ((fluted, 1), (MODEL, 0)):
+        assert overhang.apply(model).unknowns[-1].addresses == (f"tool.segment[{segment}].length",)
+
+
+def test_a_cause_is_undecidable_where_none_of_its_variants_can_be_applied() -> None:
+    def refuse(reason: str, model: Model) -> Model:
+        raise UndecidableError(reason)
+
+    def change(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+        yield Variant("first", partial(refuse, "for the first reason"))
+        yield Variant("second", partial(refuse, "for the second reason"))
+        if len(model.observations) > 1:
+            yield Variant("third", Model.with_shared_assemblies)
+
+    cause = Cause(id="odd", group="structure", parameters=(), change=change, meaning="odd", remedy="none")
+    assert [variant.name for variant, _ in cause.extensions(MODEL)] == ["third"]
+    with pytest.raises(UndecidableError, match="for the first reason"):
+        cause.extensions(replace(MODEL, observations=MODEL.observations[:1]))
+
+
+def test_other_observations_are_changed_as_far_as_they_have_the_cause() -> None:
+    """Held-out configurations: with another overhang, without what varied, without the joint, without the place."""
+    held_out = replace(MODEL, observations=(make_observations(0.065),))
+    before = held_out.observations[0].assembly
+    law = variant_of(MODEL, "joint_overhang_law", "tool.segment[0].length: k_theta")
+    other = variant_of(MODEL, "overhang_error", "50 mm")
+    for variant in (law, other):
+        same = transfer(held_out, [variant])
+        assert same.observations[0].assembly == before
+        assert same.unknowns == held_out.unknowns
+    collet = variant_of(MODEL, "collet_mass", "between tool and holder")
+    assert isinstance(transfer(held_out, [collet]).observations[0].assembly.elements["joint"], ColletJoint)
+    alone = Assembly([before.elements["holder"]])
+    bare = replace(held_out, observations=(altered(held_out.observations[0], assembly=alone),))
+    assert transfer(bare, [collet]).observations[0].assembly == alone
+    hit = altered(held_out.observations[0], response=Coordinate("holder", 0.04))
+    elsewhere = replace(held_out.with_witnesses(), observations=(hit,))
+    with pytest.raises(IndescribableError, match="holder at 40 mm, where the diagnosed data have none"):
+        transfer(elsewhere, [variant_of(MODEL, "joint_spread", "layer")])
+
+
+def test_a_change_that_variants_share_is_made_once() -> None:
+    variants = CATALOGUE["sensor_mass"].variants(MODEL)
+    assert len({id(variant.apply(MODEL).shorter) for variant in variants}) == 1
 
 
 def test_a_collet_of_no_mass_is_the_joint() -> None:
@@ -133,13 +220,13 @@ def test_a_collet_of_no_mass_is_the_joint() -> None:
     )
     tolerances = (Tolerance(name="loss", moves={"joint.c_theta": 0.1}, relative=True),)
     model = Model(MODEL.observations, unknowns, tolerances)
-    (collet, *_) = CATALOGUE["collet_mass"].variants(model)
-    assert collet.name == "between tool and holder"
-    assert isinstance(collet.model.observations[0].assembly.elements["joint"], ColletJoint)
-    before, after = (moved_residual(one, "collet_mass") for one in (model, collet.model))
+    ((variant, collet), *_) = CATALOGUE["collet_mass"].extensions(model)
+    assert variant.name == "between tool and holder"
+    assert isinstance(collet.observations[0].assembly.elements["joint"], ColletJoint)
+    before, after = (moved_residual(one, "collet_mass") for one in (model, collet))
     np.testing.assert_allclose(after, before, atol=1e-7)
     with pytest.raises(UndecidableError, match="has a collet"):
-        CATALOGUE["collet_mass"].variants(collet.model)
+        CATALOGUE["collet_mass"].extensions(collet)
 
 
 def test_a_heavy_collet_has_a_moment_of_inertia_of_its_own() -> None:
@@ -154,8 +241,8 @@ def test_a_heavy_collet_has_a_moment_of_inertia_of_its_own() -> None:
             make_observations(overhang), receptance=true.receptance(LINES), standard_deviation=np.full(LINES.size, 1e-3)
         )
 
-    (collet, *_) = CATALOGUE["collet_mass"].variants(Model((observe(0.05), observe(0.08)), JOINT))
-    few = explore(collet.model, [{"collet_mass.mass": 0.09}, {"collet_mass.mass": 0.03}]).go_on([])
+    ((_, collet), *_) = CATALOGUE["collet_mass"].extensions(Model((observe(0.05), observe(0.08)), JOINT))
+    few = explore(collet, [{"collet_mass.mass": 0.09}, {"collet_mass.mass": 0.03}]).go_on([])
     fit = few.finish()
     assert fit is not None
     assert fit.misfit < 0.01
@@ -167,10 +254,10 @@ def test_an_error_of_the_first_segment_lengthens_a_joint_along_the_whole_inserti
     """What that joint leaves of the segment is shorter than an ordinary error, which would make it negative."""
     error = Tolerance(name="insertion", moves={"holder.segment[0].length": 1e-4})
     model = Model(tuple(map(observe_insertion, (0.05, 0.08))), JOINT, (error,))
-    whole = [one for one in CATALOGUE["joint_spread"].variants(model) if "whole insertion" in one.name]
+    whole = [extended for one, extended in CATALOGUE["joint_spread"].extensions(model) if "whole insertion" in one.name]
     assert len(whole) == 6
-    for variant in whole:
-        problem = variant.model.task.problem()
+    for extended in whole:
+        problem = extended.task.problem()
         x = problem.variables.start.copy()
         at = problem.variables.names.index("insertion")
         lines = 2 * LINES.size
@@ -184,10 +271,6 @@ def observe_insertion(overhang: float) -> Observation:
     mouth = Segment(length=0.04, outer_diameter=0.03, inner_diameter=0.012, core=CARBIDE, material=STEEL)
     holder = Part([mouth, Segment(length=0.09, outer_diameter=0.045, material=STEEL)], name="holder")
     return altered(make_observations(overhang), assembly=Assembly([tool, joint, holder]))
-
-
-def explanation(evidence: float, *ids: str) -> Explanation:
-    return Explanation(tuple(Step(CATALOGUE[id], "all") for id in ids), SimpleNamespace(), evidence, evidence)  # type: ignore[arg-type]
 
 
 def test_fits_in_the_background_end_after_an_interrupt() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from receptance import CARBIDE, STEEL, Assembly, Material, Observation, Part, PointJoint, PointMass, Segment
-from receptance.diagnosis import Model, Step, diagnose
+from receptance.diagnosis import Model, diagnose
 from receptance.diagnosis.fitting import fit_base, fit_discrepancy
 from receptance.diagnosis.held_out import Improvement
 from receptance.diagnosis.judgement import conclude
@@ -188,8 +188,8 @@ def test_a_cause_takes_at_least_half_of_the_misfit():
     assert answer(just_above, rival) == "unexplained"
     assert answer(just_above, replace(rival, evidence=selection.threshold - MARGIN)) == "partly explained"
     # Another structural error may look the same.
-    (step,) = best.steps
-    vague = replace(best, steps=(Step(replace(step.cause, unspecific=True), step.variant),))
+    (variant,) = best.variants
+    vague = replace(best, variants=(variant.of(replace(variant.cause, unspecific=True)),))
     assert answer(vague, *selection.explanations[1:]) == "unexplained"
     # Tolerances absorb a part of a discrepancy: their strain is no objection.
     strained = replace(best, fit=replace(best.fit))

@@ -93,8 +93,8 @@ def test_the_model_is_the_receptance_at_scaled_frequencies(kind: int, order: int
     model = Model((frf(assembly, 0.008, order),), tuple(JOINT[:1]) if kind == 0 else ())
     variant = CATALOGUE["frequency_scale"].variants(model)[order]
     assert variant.name == ("in displacements", "in velocities", "in accelerations")[order]
-    problem = variant.model.problem
-    x = variant.model.task.variables.start.copy()
+    scaled = variant.apply(model)
+    problem, x = scaled.problem, scaled.task.variables.start.copy()
     x[-1] = np.log1p(0.008)
     assert np.abs(problem.residual(x)[: 2 * LINES.size]).max() < 1e-6
     x[-1] = 0.0
@@ -105,10 +105,10 @@ def test_natural_frequencies_are_divided_by_the_scale() -> None:
     assembly = of_all_kinds()[0]
     true = assembly.natural_frequencies(9000.0)
     data = Observation.from_modes(assembly=assembly, frequency_hz=true / 1.008, standard_deviation_hz=1e-3 * true)
-    (variant,) = CATALOGUE["frequency_scale"].variants(Model((data,), tuple(JOINT[:1])))
-    x = variant.model.task.variables.start.copy()
+    ((_, scaled),) = CATALOGUE["frequency_scale"].extensions(Model((data,), tuple(JOINT[:1])))
+    x = scaled.task.variables.start.copy()
     x[-1] = np.log1p(0.008)
-    assert np.abs(variant.model.problem.residual(x)).max() < 1e-5
+    assert np.abs(scaled.problem.residual(x)).max() < 1e-5
 
 
 def test_powers_of_mass_and_time_are_those_of_the_units() -> None:

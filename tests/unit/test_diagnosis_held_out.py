@@ -15,7 +15,7 @@ from blank_in_holder import STARTED as JOINT
 from blank_in_holder import make_assembly as in_holder
 from blank_in_holder import observe
 from receptance import STEEL, Assembly, Observation, PointMass
-from receptance.diagnosis import CATALOGUE, HeldOut, Model, diagnose
+from receptance.diagnosis import HeldOut, Model, diagnose
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.held_out import (
     FREQUENCIES,
@@ -30,6 +30,7 @@ from receptance.diagnosis.held_out import (
 )
 from receptance.fit import Move, Tolerance
 from receptance.fit.observation import altered
+from variant_of_cause import extended_by
 
 LINES = np.linspace(200.0, 6000.0, 300)
 LENGTH = "tool.segment[0].length"
@@ -134,8 +135,7 @@ def test_individual_errors_are_fitted_before_and_after() -> None:
 
 def test_natural_frequencies_alone_and_a_held_out_gain() -> None:
     model = Model((make_observations(0.06, factor=1.05), make_observations(0.08, seed=2, factor=1.05)), tuple(JOINT))
-    (variant,) = [v for v in CATALOGUE["calibration_gain"].variants(model) if v.name == "all"]
-    base, fit = refit(model, {}), refit(variant.model, {})
+    base, fit = refit(model, {}), refit(extended_by(model, "calibration_gain", "all"), {})
     other = Model((make_observations(0.1, seed=3, factor=1.05),), tuple(JOINT))
     before, after = (metrics_of(one, other)[0] for one in (base, fit))
     assert after[SPECTRAL] == pytest.approx(0.01 * math.sqrt(2.0), rel=0.15)

@@ -12,7 +12,7 @@ from blank_in_holder import JOINT as TRUE
 from blank_in_holder import STARTED as JOINT
 from blank_in_holder import make_assembly, observe
 from receptance import STEEL, Observation, PointJoint
-from receptance.diagnosis import CATALOGUE, Model, diagnose
+from receptance.diagnosis import Model, diagnose
 from receptance.diagnosis.averaging import average
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import fit_base, refit
@@ -20,6 +20,7 @@ from receptance.diagnosis.held_out import SPECTRAL, metrics_of
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.fit import Law, PredictedFrequencies, PredictedMode, Scatter
+from variant_of_cause import extended_by
 
 SEED = 31
 LINES = np.linspace(200.0, 6000.0, 300)
@@ -71,7 +72,7 @@ def test_explanations_within_the_margin_are_reported_and_others_are_not() -> Non
     (other,) = [one for one in selection.singles if one.ids == {"exponential_window"}]
     for behind, answer in ((0.5 * MARGIN, "ambiguous"), (1.5 * MARGIN, "named")):
         # As good a fit under another name, so much less likely.
-        other_explanation = replace(best, steps=other.steps, evidence=best.evidence - behind)
+        other_explanation = replace(best, variants=other.variants, evidence=best.evidence - behind)
         judgement = conclude(replace(selection, explanations=[best, other_explanation]))
         assert judgement.answer == answer
         assert ("exponential_window" in judgement.ambiguous_between) == (answer == "ambiguous")
@@ -102,9 +103,8 @@ def test_a_coupling_term_varies_with_the_clamping_like_the_others() -> None:
         k_y, k_theta = 6e8 * share, 1e5 * share
         joint = replace(TRUE, k_y=k_y, k_theta=k_theta, k_ytheta=ratio * np.sqrt(k_y * k_theta))
         data.append(make_observations(overhang, joint=joint, sd=1e-3))
-    variants = CATALOGUE["joint_cross_term"].variants(Model(tuple(data), tuple(laws)))
-    (stiffness,) = [one for one in variants if one.name == "stiffness"]
-    fit = refit(stiffness.model, {"joint_cross_term.k_ytheta": ratio * np.sqrt(6e13)})
+    stiffness = extended_by(Model(tuple(data), tuple(laws)), "joint_cross_term", "stiffness")
+    fit = refit(stiffness, {"joint_cross_term.k_ytheta": ratio * np.sqrt(6e13)})
     assert fit.adequacy.passed
     assert fit.values["joint_cross_term.k_ytheta"] == pytest.approx(ratio * np.sqrt(6e13), rel=0.03)
 

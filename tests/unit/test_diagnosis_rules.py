@@ -22,7 +22,7 @@ from receptance import (
     Segment,
     SpreadJoint,
 )
-from receptance.diagnosis import CATALOGUE, Model, Step, Verdict, diagnose, fitting
+from receptance.diagnosis import CATALOGUE, Model, Verdict, diagnose, fitting
 from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import fit_base, refit
@@ -199,8 +199,8 @@ def test_an_adequate_base_is_adequate_before_its_fit_has_converged() -> None:
 def test_mode_outside_the_lines_is_rejected() -> None:
     data = [measure(make_assembly(x), make_assembly(x), f"{x}", i) for i, x in enumerate(OVERHANGS)]
     cause = CATALOGUE["missing_mode"]
-    for variant in cause.variants(Model(tuple(data), tuple(JOINT))):
-        tuned = parameters_of(variant.model.unknowns)["missing_mode.log_frequency"]
+    for variant, extended in cause.extensions(Model(tuple(data), tuple(JOINT))):
+        tuned = parameters_of(extended.unknowns)["missing_mode.log_frequency"]
         for target in (0.9 * LINES[0], 1.01 * LINES[0], 0.99 * LINES[-1], 1.1 * LINES[-1]):
             away = float(np.log(target / hertz(variant.name)))
             if abs(away) < 0.3:
@@ -211,8 +211,8 @@ def test_an_effective_diameter_may_be_too_small_and_a_full_circle_may_not() -> N
     def plausible(flutes: float) -> tuple[float, float]:
         data = [measure(make_assembly(x, flutes=flutes), make_assembly(x), f"{x}", 0) for x in OVERHANGS]
         cause = CATALOGUE["fluted_part"]
-        (variant,) = cause.variants(Model(tuple(data), tuple(JOINT)))
-        return parameters_of(variant.model.unknowns)["fluted_part.log_diameter"].plausible
+        ((_, extended),) = cause.extensions(Model(tuple(data), tuple(JOINT)))
+        return parameters_of(extended.unknowns)["fluted_part.log_diameter"].plausible
 
     assert plausible(0.012) == CATALOGUE["fluted_part"].parameters[0].plausible
     assert plausible(0.0105)[1] == pytest.approx(0.02 + np.log(0.012 / 0.0105))
@@ -254,7 +254,8 @@ def test_unusual_sizes_are_reported_only_where_nothing_else_explains_the_data() 
     plausible = verdict.selection.singles[0]
 
     def large(evidence: float, id: str = "other", **changes: object) -> Explanation:
-        found = replace(plausible, evidence=evidence, steps=(Step(replace(CATALOGUE["sensor_mass"], id=id), "all"),))
+        variants = tuple(one.of(replace(one.cause, id=id)) for one in plausible.variants)
+        found = replace(plausible, evidence=evidence, variants=variants)
         declared = replace(plausible.parameters["sensor_mass.mass"], plausible=(0.0, 1e-3), cause=id, **changes)
         found.__dict__["parameters"] = {"sensor_mass.mass": declared}
         return found
@@ -388,10 +389,10 @@ def test_a_material_is_the_same_within_the_holder() -> None:
             ("tool_density", "density"),
             ("shear_neglected", "poisson_ratio"),
         ):
-            (variant,) = CATALOGUE[cause].variants(model)
-            assert f"{within}.{field}" in variant.model.unknowns[-1].moves
-    (variant,) = CATALOGUE["holder_modulus"].variants(model)
-    assert set(variant.model.unknowns[-1].moves) == {"holder.segment[*].youngs_modulus", "joint.sleeve.youngs_modulus"}
+            ((_, extended),) = CATALOGUE[cause].extensions(model)
+            assert f"{within}.{field}" in extended.unknowns[-1].moves
+    ((_, extended),) = CATALOGUE["holder_modulus"].extensions(model)
+    assert set(extended.unknowns[-1].moves) == {"holder.segment[*].youngs_modulus", "joint.sleeve.youngs_modulus"}
 
 
 def test_spread_joint_is_found_with_a_moving_material() -> None:
@@ -402,11 +403,11 @@ def test_spread_joint_is_found_with_a_moving_material() -> None:
     point = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
     assembly = Assembly([tool, point, Part([section, rest], name="holder")])
     model = Model((measure(assembly, assembly, "", 0),), tuple(JOINT), tuple(TOLERANCES))
-    (stiffer,) = CATALOGUE["tool_modulus"].variants(model)
-    spread = CATALOGUE["joint_spread"].variants(stiffer.model)
-    assert {"whole" in one.name for one in spread} == {True, False}
-    for one in spread:
-        moves = next(u.moves for u in one.model.unknowns if isinstance(u, Move))
+    ((_, stiffer),) = CATALOGUE["tool_modulus"].extensions(model)
+    spread = CATALOGUE["joint_spread"].extensions(stiffer)
+    assert {"whole" in one.name for one, _ in spread} == {True, False}
+    for one, extended in spread:
+        moves = next(u.moves for u in extended.unknowns if isinstance(u, Move))
         assert "joint.shank.youngs_modulus" in moves
         assert ("holder.segment[*].core.youngs_modulus" in moves) == ("whole" not in one.name)
-        assert one.model.task.parameters.unknowns
+        assert extended.task.parameters.unknowns

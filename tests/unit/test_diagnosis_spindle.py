@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from receptance import CARBIDE, STEEL, Assembly, ModalPart, Mode, Observation, Part, PointJoint, Segment, Unknown
-from receptance.diagnosis import CATALOGUE, Model, Step, diagnose
+from receptance.diagnosis import CATALOGUE, Model, diagnose
 from receptance.diagnosis.advice import advise, menu_of
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import refit
@@ -67,9 +67,9 @@ def suspected(model: Model, *names: str) -> tuple[Selection, list[Explanation]]:
     base = refit(model, {})
     selection = Selection(base, 7.0, 0.0, [], {})
     for name in names:
-        fits = [(refit(variant.model, {}), variant.name) for variant in CATALOGUE[name].variants(model)]
+        fits = [(refit(extended, {}), variant) for variant, extended in CATALOGUE[name].extensions(model)]
         fit, variant = min(fits, key=lambda one: one[0].chi_square)
-        selection.add(Explanation((Step(CATALOGUE[name], variant),), fit, 100.0, 90.0))
+        selection.add(Explanation((variant,), fit, 100.0, 90.0))
     return selection, list(selection.singles)
 
 
@@ -109,8 +109,8 @@ def test_the_menu_follows_from_the_anatomy() -> None:
     }
     assert only_held == {"hit the gauge blank again in the warm spindle"}
     with pytest.raises(UndecidableError, match="the holder is in a spindle, so that nothing hangs"):
-        CATALOGUE["suspension"].variants(held)
-    assert CATALOGUE["suspension"].variants(free)
+        CATALOGUE["suspension"].extensions(held)
+    assert CATALOGUE["suspension"].extensions(free)
     names = {"tool": "suspension", "joint": "fit", "holder": "free", "spindle": "rope"}
     renamed = []
     for observation in held.observations:

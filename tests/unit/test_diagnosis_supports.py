@@ -111,7 +111,7 @@ def test_cause_found_at_one_level_is_fitted_to_all() -> None:
     model = Model(tuple(make_observations("axial")), tuple(springs("taper")))
     rigid = fit_levels(model)
     assert fit_again(rigid) is None
-    elastic = fit_again(with_null(CATALOGUE["flexible_body"].variants(model)[0].model, rigid))
+    elastic = fit_again(with_null(CATALOGUE["flexible_body"].variants(model)[0].apply(model), rigid))
     assert elastic is not None
     assert elastic.misfit < 1.3
     assert elastic.values["flexible_body.decades"] == pytest.approx(np.log10(STEEL.youngs_modulus / 2e11), abs=0.02)
@@ -137,11 +137,11 @@ def test_cause_has_no_effect_at_its_null(name: str, motion: str, names: tuple[st
     problem = model.task.problem()
     x = problem.variables.start
     before = problem.residual(x).copy()
-    variants = CATALOGUE[name].variants(model)
-    assert variants
-    for variant in variants:
-        assert {one.assembly.motion for one in variant.model.observations} == {problem_motion(motion)}
-        there = variant.model.task.problem()
+    extensions = CATALOGUE[name].extensions(model)
+    assert extensions
+    for variant, extended in extensions:
+        assert {one.assembly.motion for one in extended.observations} == {problem_motion(motion)}
+        there = extended.task.problem()
         after = there.residual(there.variables.start)
         # Distributed springs agree to a thousandth.
         limit = 0.01 if "at points" in variant.name else 1e-6

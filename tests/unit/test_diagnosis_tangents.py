@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 
 from blank_in_holder import make_assembly
@@ -10,6 +12,7 @@ from receptance.diagnosis import CATALOGUE, Model, UndecidableError, Variant
 from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.tangents import slopes_of
 from receptance.fit import Tolerance
+from variant_of_cause import extended_by
 
 LINES = np.linspace(200.0, 6000.0, 60)
 OVERHANGS = (0.05, 0.07, 0.09)
@@ -42,13 +45,11 @@ def make_model() -> Model:
     return Model(observations, unknowns, tolerances, threads=1)
 
 
-def every_variant(model: Model) -> list[tuple[str, Variant]]:
+def every_extension(model: Model) -> list[tuple[Variant, Model]]:
     found = []
     for cause in (one for one in CATALOGUE.values() if not one.changes_data):
-        try:
-            found += [(cause.id, one) for one in cause.variants(model)]
-        except UndecidableError:
-            continue
+        with contextlib.suppress(UndecidableError):
+            found += cause.extensions(model)
     return found
 
 
@@ -67,25 +68,24 @@ def own_slopes(fit: Fit, model: Model) -> np.ndarray:
 def test_derivatives_are_those_of_each_variant_alone() -> None:
     model = make_model()
     fit = refit(model, {})
-    variants = [(id, one) for id, one in every_variant(fit.model) if len(one.model.unknowns) > len(model.unknowns)]
-    assert len({id for id, _ in variants}) > 12
-    found = slopes_of(fit, [one.model for _, one in variants])
-    for (id, variant), slopes in zip(variants, found, strict=True):
-        expected = own_slopes(fit, variant.model)
-        assert slopes is not None, (id, variant.name)
-        assert slopes.shape == expected.shape, (id, variant.name)
+    extensions = [pair for pair in every_extension(fit.model) if len(pair[1].unknowns) > len(model.unknowns)]
+    assert len({variant.cause.id for variant, _ in extensions}) > 12
+    found = slopes_of(fit, [extended for _, extended in extensions])
+    for (variant, extended), slopes in zip(extensions, found, strict=True):
+        expected = own_slopes(fit, extended)
+        assert slopes is not None, variant.id
+        assert slopes.shape == expected.shape, variant.id
         scale = np.max(np.abs(expected), axis=0)
         # Resonators are evaluated together, and each of them weighs a milligram at its null.
-        limit = 1e-3 if id == "missing_mode" else 1e-6
-        assert np.max(np.abs(slopes - expected) / np.where(scale > 0.0, scale, 1.0)) < limit, (id, variant.name)
+        limit = 1e-3 if variant.cause.id == "missing_mode" else 1e-6
+        assert np.max(np.abs(slopes - expected) / np.where(scale > 0.0, scale, 1.0)) < limit, variant.id
 
 
 def test_derivatives_beside_a_cause_that_is_fitted_already() -> None:
     model = make_model()
-    spread = next(one for one in CATALOGUE["joint_spread"].variants(model) if one.name == "4 points")
-    fit = refit(spread.model, {"joint_spread.length": 0.01})
+    fit = refit(extended_by(model, "joint_spread", "4 points"), {"joint_spread.length": 0.01})
     for id in ("sensor_mass", "fluted_part", "holder_inertia"):
-        models = [one.model for one in CATALOGUE[id].variants(fit.model)]
+        models = [extended for _, extended in CATALOGUE[id].extensions(fit.model)]
         for own, slopes in zip(models, slopes_of(fit, models), strict=True):
             expected = own_slopes(fit, own)
             assert slopes is not None

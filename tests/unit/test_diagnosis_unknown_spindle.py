@@ -19,14 +19,15 @@ from receptance import (
     Tolerance,
 )
 from receptance.coupling.unknown_modes import ModeChoice, bounds_of_modes
-from receptance.diagnosis import CATALOGUE, Model, Step
-from receptance.diagnosis.causes import parameters_of
+from receptance.diagnosis import CATALOGUE, Model
+from receptance.diagnosis.causes import parameters_of, transfer
 from receptance.diagnosis.fitting import evaluate
 from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.unknown_spindle import fit_unstrained, with_any_spindle
 from receptance.diagnosis.wording import sizes
 from receptance.fit import Unknown
 from receptance.fit.observation import altered
+from variant_of_cause import variant_of
 
 SEED = 20261128
 LINES = np.linspace(200.0, 2500.0, 100)
@@ -84,21 +85,19 @@ def test_the_right_cause_explains_the_records_whatever_the_spindle_is() -> None:
     without = with_any_spindle(model)
     assert without is not None
     assert without.chi_square > 3.0 * without.expected, SEED
-    variants = {
-        (id, one.name): one.model for id in ("sensor_mass", "calibration_gain") for one in CATALOGUE[id].variants(model)
-    }
-    ends = {variant: with_any_spindle(changed, without) for variant, changed in variants.items()}
+    extensions = [pair for id in ("sensor_mass", "calibration_gain") for pair in CATALOGUE[id].extensions(model)]
+    ends = {variant.id: with_any_spindle(extended, without) for variant, extended in extensions}
     right = ends["sensor_mass", "all"]
     assert right.chi_square == pytest.approx(right.expected, rel=0.15), SEED
     assert right.values["sensor_mass.mass"] == pytest.approx(0.02, rel=0.05), SEED
     assert right.values["joint.k_theta"] == pytest.approx(4e4, rel=0.02), SEED
-    assert min(ends, key=lambda variant: ends[variant].chi_square) == ("sensor_mass", "all")
+    assert min(ends, key=lambda id: ends[id].chi_square) == ("sensor_mass", "all")
 
 
 def test_a_reversed_channel_explains_the_records_whatever_the_spindle_is() -> None:
     model = measured("short", "long")
     turned = model.map(lambda one: altered(one, receptance=-one.receptance) if one.response == NOSE else one)
-    ends = {one.name: with_any_spindle(one.model) for one in CATALOGUE["reversed_polarity"].variants(turned)}
+    ends = {one.name: with_any_spindle(model) for one, model in CATALOGUE["reversed_polarity"].extensions(turned)}
     assert list(ends) == ["all", "sensor on tool at 0 mm", "sensor on holder at 20 mm"]
     right = ends.pop("sensor on holder at 20 mm")
     assert right.chi_square == pytest.approx(right.expected, rel=0.15), SEED
@@ -108,12 +107,12 @@ def test_a_reversed_channel_explains_the_records_whatever_the_spindle_is() -> No
 def test_of_one_record_only_that_of_the_reversed_channel_is_turned() -> None:
     """As an extended campaign and held-out measurements need it."""
     model = measured("short")
-    (variant,) = [one for one in CATALOGUE["reversed_polarity"].variants(model) if one.name.endswith("20 mm")]
-    for observation, changed in zip(model.observations, variant.model.observations, strict=True):
+    variant = variant_of(model, "reversed_polarity", "sensor on holder at 20 mm")
+    for observation, changed in zip(model.observations, variant.apply(model).observations, strict=True):
         sign = -1.0 if observation.response == NOSE else 1.0
         np.testing.assert_array_equal(changed.receptance, sign * observation.receptance)
         alone = Model((observation,), model.unknowns, witnesses=model.witnesses)
-        (same,) = Step(CATALOGUE["reversed_polarity"], variant.name).transfer(alone).observations
+        (same,) = transfer(alone, [variant]).observations
         np.testing.assert_array_equal(same.receptance, changed.receptance)
 
 
@@ -130,18 +129,18 @@ def test_records_that_do_not_separate_the_spindle_compare_nothing() -> None:
 
 def test_unknown_modes_differ_in_one_configuration() -> None:
     model = measured("short", "long")
-    (variant,) = CATALOGUE["spindle_mode"].variants(model)
+    ((variant, extended),) = CATALOGUE["spindle_mode"].extensions(model)
     assert variant.name == "all modes, long"
     assert "in long than in the other configurations" in variant.meaning
     start = {unknown.name: unknown.start for unknown in model.unknowns}
     before = evaluate(model, start)
-    assert evaluate(variant.model, start).chi_square == pytest.approx(before.chi_square)
-    moved = evaluate(variant.model, {**start, "spindle_mode.log_frequency mode[0] @ long": 0.05})
+    assert evaluate(extended, start).chi_square == pytest.approx(before.chi_square)
+    moved = evaluate(extended, {**start, "spindle_mode.log_frequency mode[0] @ long": 0.05})
     changes = [np.abs(after - now).max() for after, now in zip(moved.parts, before.parts, strict=True)]
     assert max(changes[: len(HITS)]) == 0.0
     assert min(changes[len(HITS) :]) > 0.1
     # The spindle of one configuration has no meaning without its modes.
-    assert with_any_spindle(variant.model) is None
+    assert with_any_spindle(extended) is None
 
 
 def test_unknown_modes_of_one_configuration_are_those_of_the_spindle() -> None:
@@ -150,8 +149,8 @@ def test_unknown_modes_of_one_configuration_are_those_of_the_spindle() -> None:
 
 
 def test_of_many_sizes_the_most_significant_ones_are_shown() -> None:
-    (variant,) = CATALOGUE["spindle_mode"].variants(measured("short", "long"))
-    parameters = parameters_of(variant.model.unknowns)
+    ((_, extended),) = CATALOGUE["spindle_mode"].extensions(measured("short", "long"))
+    parameters = parameters_of(extended.unknowns)
     values = {name: (0.01, 0.01 - width, 0.01 + width) for name, width in zip(parameters, range(1, 9), strict=True)}
     text = sizes(values, parameters)
     assert [name in text for name in ("frequency mode[0]", "shape mode[1] @", "slope mode[1]")] == [True, False, False]

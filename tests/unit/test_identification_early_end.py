@@ -152,8 +152,8 @@ def test_stepped_sines_have_no_early_end(records: list[Observation]) -> None:
         narrow = stepped[0].select(np.arange(LINES.size) < lines)
         assert truncation_time([*records, narrow]) == truncation_time(records)
     model = Model((*records[1:], *stepped), tuple(JOINT), threads=1).with_witnesses()
-    (variant,) = CATALOGUE["coarse_resolution"].variants(model)
-    assert [one.ends is None for one in variant.model.receptances] == [False] * (len(records) - 1) + [True]
+    ((_, extended),) = CATALOGUE["coarse_resolution"].extensions(model)
+    assert [one.ends is None for one in extended.receptances] == [False] * (len(records) - 1) + [True]
 
 
 def test_decayed_response_has_no_early_end() -> None:

@@ -23,6 +23,7 @@ from receptance.campaign.identification import parts_to_start
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
 from receptance.campaign.values import PLAIN_NUMBER, kind_of
 from receptance.diagnosis import Verdict
+from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
@@ -230,7 +231,7 @@ def _extended(campaign: CampaignData, verdict: Verdict, folder: Path) -> dict[st
     data["settings"] = {**data.get("settings", {}), "starts": 1}
     data["settings"].pop("strategy", None)
     data["settings"].pop("objective", None)
-    names = " and ".join(cause.title for cause, _ in explanation.steps)
+    names = " and ".join(variant.cause.title for variant in explanation.variants)
     data["title"] = f"{campaign.title}, extended by {names}"
     alike = (
         f"; indistinguishable causes: {', '.join(title_of(id) for id in verdict.ambiguous_between)}"
@@ -254,10 +255,10 @@ def _applied(
     """Apply the causes of an explanation to an observation, one after the other."""
     model = replace(base, observations=(observation,), tolerances=tuple(tolerances))
     temporary: list[str] = []
-    for step in explanation.steps:
+    for variant in explanation.variants:
         before = set(model.observations[0].assembly.attachments)
-        model = step.transfer(model)
-        if step.cause.group == "measurement":
+        model = transfer(model, [variant])
+        if variant.cause.group == "measurement":
             temporary += [
                 attachment for attachment in model.observations[0].assembly.attachments if attachment not in before
             ]
@@ -432,9 +433,9 @@ def _write_unknowns(data: dict[str, Any], base: Model, explanation: Explanation)
     measured = list(dict.fromkeys(table["assembly"] for table in data["measurements"].values()))
     of_measurement = {
         name
-        for step in explanation.steps
-        if step.cause.group == "measurement"
-        for name in explanation.sizes(step.cause)
+        for variant in explanation.variants
+        if variant.cause.group == "measurement"
+        for name in explanation.sizes(variant.cause)
     }
     for unknown in explanation.fit.model.unknowns:
         old = known.pop(unknown.name, None)

@@ -4,8 +4,8 @@ Data flow of `engine.diagnose`::
 
     observations, unknowns, tolerances -> model.Model -> line_selection: usable lines
     Model -> starts, fitting: Fit of the base -> adequacy: Adequacy
-    catalogue (joint, part, boundary and measurement causes): Cause + Model -> Variant (a changed Model)
-    Fit + Variants -> screening: Direction (effect to first order, detection threshold, look-alikes)
+    catalogue (joint, part, boundary and measurement causes): Cause + Model -> Variants (changes of a Model)
+    Fit + Variants -> screening: Direction (changed Model, effect to first order, detection threshold, look-alikes)
     Directions -> selection: starts on few lines, Fits on all lines, several causes, alternatives
                   -> explanation: Selection (every Explanation = causes + Fit + evidence)
     Selection -> judgement: Judgement (one of six answers) -> advice: ProposedMeasurement

@@ -2,7 +2,6 @@ from . import figure as figure
 from .catalogue import CATALOGUE as CATALOGUE
 from .causes import Cause as Cause
 from .causes import Parameter as Parameter
-from .causes import Step as Step
 from .causes import Variant as Variant
 from .engine import diagnose as diagnose
 from .findings import CandidateCause as CandidateCause

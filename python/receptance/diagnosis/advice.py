@@ -90,10 +90,11 @@ class Hypothesis:
 
     def _measured(self, item: MenuItem, data: NDArray[Any] | None = None) -> Model | None:
         """Return a measurement with its causes as the only observation of a model; without data with ones."""
-        model, steps = self.base, [step for step in self.explanation.steps if step.cause.id not in item.absent]
+        model = self.base
+        variants = [variant for variant in self.explanation.variants if variant.cause.id not in item.absent]
         if item.describe in (Menu.tool_alone, Menu.holder_alone, Menu.blank_in_spindle):
             # The parts themselves are as the causes have changed them.
-            model, steps = self.explanation.fit.model, []
+            model, variants = self.explanation.fit.model, []
         assert item.describe is not None
         candidate = item.describe(Menu(model.observations, model.unknowns, model.tolerances))
         if candidate is None or (data is not None and data.size != candidate.observation.frequency_hz.size):
@@ -103,7 +104,7 @@ class Hypothesis:
             observation = altered(observation, assembly=self._with_added_points(observation.assembly))
         observation = observation.with_values(np.ones(observation.frequency_hz.size) if data is None else data)
         measured = replace(self.base, observations=(observation,), tolerances=candidate.tolerances)
-        return transfer(measured if data is None else thin(measured, SIMULATION_LINES), steps)
+        return transfer(measured if data is None else thin(measured, SIMULATION_LINES), variants)
 
     def _with_added_points(self, holder: Assembly) -> Assembly:
         """Return the holder alone with what causes have attached to it.
@@ -280,7 +281,7 @@ def advise(selection: Selection, judgement: Judgement) -> ProposedMeasurement | 
     remaining = list(judgement.reported)
     if len(remaining) == 1:
         remaining.append(Explanation((), selection.base, 0.0, 0.0))
-    ids = judgement.ambiguous_between or tuple(cause.id for cause, _ in judgement.reported[0].steps)
+    ids = judgement.ambiguous_between or tuple(variant.cause.id for variant in judgement.reported[0].variants)
     best = _best(remaining, selection.base.model, ids)
     if best is None or best.worth <= 0.0:
         return None

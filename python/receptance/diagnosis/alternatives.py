@@ -29,23 +29,30 @@ def _position(part: Part, share: float, beyond: float = 0.0) -> float:
     return share * part.length + beyond
 
 
-def _attach_mass(name: str, share: float, assembly: Assembly) -> Assembly:
+def _mass(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    places = [(model.tip, share) for share in ALTERNATIVE_PLACES]
+    places += [(name, share) for name in _holders(model) for share in (0.0, *ALTERNATIVE_PLACES)]
+    for name, share in places:
+        where = f"at {100.0 * share:.0f} % of {name}"
+        yield Variant(where, partial(_add_mass, name, share, p["mass"]))
+        yield Variant(f"{where}, with inertia", partial(_add_mass, name, share, p["mass"], inertia=p["inertia"]))
+
+
+def _add_mass(part: str, share: float, mass: Parameter, model: Model, inertia: Parameter | None = None) -> Model:
+    changed = model.with_change(_attach_mass, part, share).plus(mass.unknown("alternative_mass.mass"))
+    return changed if inertia is None else changed.plus(inertia.unknown("alternative_mass.inertia"))
+
+
+def _attach_mass(model: Model, name: str, share: float) -> Model:
+    return model.rebuild(partial(_with_mass, name, share))
+
+
+def _with_mass(name: str, share: float, assembly: Assembly) -> Assembly:
     part = assembly.elements.get(name)
     if not isinstance(part, Part):
         return assembly
     mass = PointMass(mass=0.0, part=name, position=_position(part, share), name="alternative_mass")
     return with_points(assembly, mass)
-
-
-def _mass(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    places = [(model.tip, share) for share in ALTERNATIVE_PLACES]
-    places += [(name, share) for name in _holders(model) for share in (0.0, *ALTERNATIVE_PLACES)]
-    for name, share in places:
-        changed = model.rebuild(partial(_attach_mass, name, share))
-        with_mass = changed.plus(p["mass"].unknown("alternative_mass.mass"))
-        where = f"at {100.0 * share:.0f} % of {name}"
-        yield Variant(where, with_mass)
-        yield Variant(f"{where}, with inertia", with_mass.plus(p["inertia"].unknown("alternative_mass.inertia")))
 
 
 def _section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -59,10 +66,18 @@ def _section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     for address in sorted(found):
         if not model.has(address):
             name = f"of {address.removesuffix('.outer_diameter')}"
-            yield Variant(name, model.plus(p["log_diameter"].move({address: 1.0}, relative=True)))
+            yield Variant(name, partial(_move_diameters, p["log_diameter"], {address: 1.0}))
+
+
+def _move_diameters(diameter: Parameter, moves: Mapping[str, float], model: Model) -> Model:
+    return model.plus(diameter.move(moves, relative=True))
 
 
 def _taper(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    yield Variant(f"of {model.tip}", partial(_make_conical, p["log_diameter"]))
+
+
+def _make_conical(diameter: Parameter, model: Model) -> Model:
     tip = model.tip
     if any(len(part.segments) != 1 for part in model.parts(tip)):
         raise UndecidableError("the tool has steps")
@@ -70,20 +85,27 @@ def _taper(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         model, _ = model.split(tip, partial(_position, share=(i + 1) / TAPER_CYLINDERS))
     # The change of the diameter decreases from the tip to zero at the holder.
     weights = {f"{tip}.segment[{i}].outer_diameter": 1.0 - (i + 0.5) / TAPER_CYLINDERS for i in range(TAPER_CYLINDERS)}
-    yield Variant(f"of {tip}", model.plus(p["log_diameter"].move(weights, relative=True)))
+    return _move_diameters(diameter, weights, model)
 
 
 def _soft_section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    tip = model.tip
     for share in ALTERNATIVE_PLACES:
-        started, _ = model.split(tip, partial(_position, share=share))
-        ended, index = started.split(tip, partial(_position, share=share, beyond=SOFT_LENGTH))
-        move = {f"{tip}.segment[{index - 1}].outer_diameter": 1.0}
-        yield Variant(f"at {100.0 * share:.0f} % of {tip}", ended.plus(p["log_diameter"].move(move, relative=True)))
+        yield Variant(f"at {100.0 * share:.0f} % of {model.tip}", partial(_soften, share, p["log_diameter"]))
+
+
+def _soften(share: float, diameter: Parameter, model: Model) -> Model:
+    tip = model.tip
+    started, _ = model.split(tip, partial(_position, share=share))
+    ended, index = started.split(tip, partial(_position, share=share, beyond=SOFT_LENGTH))
+    return _move_diameters(diameter, {f"{tip}.segment[{index - 1}].outer_diameter": 1.0}, ended)
 
 
 def _resonator(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    yield from resonances(p, model, model.tip, 0.0, f"on the tip of {model.tip}")
+    yield from resonances(p, model, _tip, f"on the tip of {model.tip}")
+
+
+def _tip(model: Model) -> tuple[str, float]:
+    return model.tip, 0.0
 
 
 def _alternative(id: str, change: Callable[..., Iterator[Variant]], *parameters: Parameter, meaning: str) -> Cause:

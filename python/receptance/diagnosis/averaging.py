@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.model import IndescribableError, Model
@@ -46,14 +47,14 @@ def predict_with(
     stand_in = altered(like, assembly=site.assembly, configuration=name, label=name, conditions=dict(site.conditions))
     model = replace(base, observations=(stand_in,), tolerances=tuple(tolerances or ()))
     nulls: dict[str, float] = {}
-    for step in explanation.steps if explanation is not None else ():
+    for variant in explanation.variants if explanation is not None else ():
         try:
-            model = step.transfer(model)
+            model = transfer(model, [variant])
         except IndescribableError:
-            if step.cause.group == "structure":
+            if variant.cause.group == "structure":
                 raise
-        if explanation is not None and step.cause.group == "measurement":
-            nulls |= {n: explanation.parameters[n].null for n in explanation.sizes(step.cause)}
+        if explanation is not None and variant.cause.group == "measurement":
+            nulls |= {n: explanation.parameters[n].null for n in explanation.sizes(variant.cause)}
     if nulls:
         identified = replace(identified, values={**identified.values, **nulls})
     return identified.at(
@@ -155,7 +156,7 @@ def models_of(selection: Selection, reported: Explanation | None) -> list[tuple[
     count = max(len({cause for explanation in explanations for cause in explanation.ids}), 1)
     logs = [
         0.0,
-        *(0.5 * explanation.evidence - len(explanation.steps) * math.log(count) for explanation in explanations),
+        *(0.5 * explanation.evidence - len(explanation.variants) * math.log(count) for explanation in explanations),
     ]
     weights = np.exp(np.array(logs) - max(logs))
     weights /= weights.sum()

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
-from receptance.diagnosis.causes import Cause, Step, extend
+from receptance.diagnosis.causes import Cause, Variant, extend
 from receptance.diagnosis.explanation import Explanation, Selection, best_of_each
 from receptance.diagnosis.fitting import DiscrepancyFit, fit_discrepancy, in_parallel, refit
 from receptance.diagnosis.model import Model, UndecidableError
@@ -23,8 +23,8 @@ from receptance.diagnosis.thresholds import DISCREPANCY_CAUSES, DISCREPANCY_SELE
 from receptance.errors import ReceptanceError
 from receptance.fit.discrepancy import Discrepancy
 
-_Own = dict[tuple[Step, ...], DiscrepancyFit]
-"""Fits with a discrepancy of their own, by causes and variants."""
+_Own = dict[tuple[Variant, ...], DiscrepancyFit]
+"""Fits with a discrepancy of their own, by the variants of causes."""
 
 
 def select_beside(
@@ -58,16 +58,16 @@ def select_beside(
         leading = [*selection.singles[:DISCREPANCY_CAUSES], *first.singles[:LEADING_CAUSES]]
         tried |= {one.ids for one in leading}
         for one, fit in zip(leading, _fits(base.model, base.fit.values, leading, selection.workers), strict=True):
-            if fit is not None and (one.steps not in own or fit.deviance < own[one.steps].deviance):
-                own[one.steps] = fit
+            if fit is not None and (one.variants not in own or fit.deviance < own[one.variants].deviance):
+                own[one.variants] = fit
         # The fit of the base may have ended in a local minimum.
         likely = min(own.values(), key=lambda fit: fit.deviance, default=base)
         base = _likeliest(base.model, (base.fit.values, selection.base.values, likely.fit.values)) or base
         selection.penalty = math.log(max(base.errors, 2.0))
         found = [(0.0, base.discrepancy)]
-        for steps, fit in own.items():
+        for variants, fit in own.items():
             gain = base.deviance - fit.deviance
-            found.append((selection.explain(steps, fit.fit).with_gain(gain).evidence, fit.discrepancy))
+            found.append((selection.explain(variants, fit.fit).with_gain(gain).evidence, fit.discrepancy))
         left = max(found, key=lambda pair: pair[0])[1]
         if left.is_close(used):
             break
@@ -120,7 +120,7 @@ def _fits(
 
     def fitted(one: Explanation) -> DiscrepancyFit | None:
         try:
-            extended = extend(single, one.steps)
+            extended = extend(single, one.variants)
         except UndecidableError:
             return None
         return _likeliest(extended.without(left_out), (one.fit.values, {**one.fit.values, **base}))
@@ -135,12 +135,12 @@ def _use_evidence(selection: Selection, base: DiscrepancyFit, own: _Own, tried: 
     likely with that discrepancy, and get no more evidence than these.
     """
 
-    def fitted(steps: tuple[Step, ...], fit: DiscrepancyFit) -> Explanation | None:
+    def fitted(variants: tuple[Variant, ...], fit: DiscrepancyFit) -> Explanation | None:
         try:
-            common = refit(extend(selection.base.model, steps), fit.fit.values)
+            common = refit(extend(selection.base.model, variants), fit.fit.values)
         except (ReceptanceError, UndecidableError):
             return None
-        return selection.explain(steps, common).with_gain(base.deviance - fit.deviance)
+        return selection.explain(variants, common).with_gain(base.deviance - fit.deviance)
 
     fits = in_parallel([partial(fitted, *one) for one in own.items()], selection.workers)
     found = [one for one in fits if one is not None]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
@@ -11,7 +11,15 @@ from typing import Literal
 import numpy as np
 
 from receptance.diagnosis.causes import Cause, Parameter, Variant
-from receptance.diagnosis.model import SPRING_TERMS, Model, UndecidableError, named, require_beams, require_no_table
+from receptance.diagnosis.model import (
+    SPRING_TERMS,
+    Model,
+    UndecidableError,
+    far_end,
+    named,
+    require_beams,
+    require_no_table,
+)
 from receptance.diagnosis.thresholds import RESONANCE_STEP, SPRING_COUNT, SPRING_DECAY, SPRING_PIECES, SPRING_TRACE
 from receptance.fit.unknowns import Move, Prior, Unknown
 from receptance.model.assembly import Assembly
@@ -30,21 +38,24 @@ _OTHER_MODE = {
 records of one configuration do not determine every mode."""
 
 
+Place = Callable[[Model], tuple[str, float | Literal["end"]]]
+"""Returns a part of a model and a position on it; raises `UndecidableError` where the model does not have it."""
+
+
 def _missing_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    yield from resonances(p, model, _end_of_holder, "at the holder's far end")
+
+
+def _end_of_holder(model: Model) -> tuple[str, Literal["end"]]:
     require_beams(model)
     require_no_table(model, "which contains every mode of that part; measure it again")
     if not all(observation.assembly.countable for observation in model.observations):
         raise UndecidableError("the model ends with a spindle that has its modes already; see spindle_mode")
-    ends = dict.fromkeys(anatomy.holder[-1] for anatomy in model.anatomies if anatomy.holder)
-    if len(ends) != 1:
-        raise UndecidableError("the model has no holder, or several")
-    yield from resonances(p, model, next(iter(ends)), "end", "at the holder's far end")
+    return far_end(model), "end"
 
 
-def resonances(
-    p: Mapping[str, Parameter], model: Model, part: str, position: float | Literal["end"], where: str
-) -> Iterator[Variant]:
-    """Yield models with a resonator on a part, tuned to frequencies over the whole band of the lines.
+def resonances(p: Mapping[str, Parameter], model: Model, place: Place, where: str) -> Iterator[Variant]:
+    """Yield resonators at a place, tuned to frequencies over the whole band of the lines.
 
     Parameters
     ----------
@@ -52,31 +63,32 @@ def resonances(
         `RESONATOR_PARAMETERS` by name.
     model : Model
         The model without it.
-    part, position
+    place : callable
         Place of the resonator.
     where : str
         The place in the name of the variants.
     """
     low, high = _band(model)
     count = 1 + math.ceil(math.log(high / low) / RESONANCE_STEP)
+    for frequency in np.geomspace(low, high, max(count, 2)).tolist():
+        yield Variant(f"near {frequency:.0f} Hz {where}", partial(_resonate, p, place, frequency))
+
+
+def _resonate(p: Mapping[str, Parameter], place: Place, frequency: float, model: Model) -> Model:
+    """Return the model with a resonator of a frequency in Hz."""
+    part, position = place(model)
+    low, high = _band(model)
+    angular = 2.0 * math.pi * frequency
+    # No mode is measured outside the lines: a spring to ground or a mass has the same effect there.
+    frequency_factor = replace(p["log_frequency"], plausible=(math.log(low / frequency), math.log(high / frequency)))
     resonator = Resonator(mass=0.0, k_y=1.0, part=part, position=position, name="cause_resonator")
-    changed = model.attach(resonator)
-    for frequency in np.geomspace(low, high, max(count, 2)):
-        angular = 2.0 * math.pi * float(frequency)
-        # No mode is measured outside the lines: a spring to ground or a mass has the same effect there.
-        within = (math.log(low / frequency), math.log(high / frequency))
-        frequency_factor = replace(p["log_frequency"], plausible=within)
-        yield Variant(
-            f"near {frequency:.0f} Hz {where}",
-            changed.plus(
-                p["mass"].unknown(
-                    "cause_resonator.mass",
-                    also={"cause_resonator.k_y": angular**2, "cause_resonator.c_y": 0.02 * angular},
-                ),
-                frequency_factor.move({"cause_resonator.k_y": 2.0, "cause_resonator.c_y": 1.0}, relative=True),
-                p["log_damping"].move({"cause_resonator.c_y": 1.0}, relative=True),
-            ),
-        )
+    return model.with_change(Model.attach, resonator).plus(
+        p["mass"].unknown(
+            "cause_resonator.mass", also={"cause_resonator.k_y": angular**2, "cause_resonator.c_y": 0.02 * angular}
+        ),
+        frequency_factor.move({"cause_resonator.k_y": 2.0, "cause_resonator.c_y": 1.0}, relative=True),
+        p["log_damping"].move({"cause_resonator.c_y": 1.0}, relative=True),
+    )
 
 
 def _band(model: Model) -> tuple[float, float]:
@@ -87,6 +99,23 @@ def _band(model: Model) -> tuple[float, float]:
 
 
 def _spindle_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    name, spindle = _modal_end(model)
+    described = [
+        mode.frequency_hz
+        for index, mode in enumerate(spindle.modes)
+        if (mode.y or mode.theta) and not model.has(f"{name}.mode[{index}].frequency_hz")
+    ]
+    if not described:
+        yield from _other_modes(p, model, name)
+        return
+    low, high = _band(model)
+    for frequency in described:
+        if low <= frequency <= high:
+            yield Variant(f"mode at {frequency:.0f} Hz", partial(_move_mode, p, frequency))
+
+
+def _modal_end(model: Model) -> tuple[str, ModalPart]:
+    """Return the name and the modes of the spindle, the same in all assemblies that end with one."""
     ends = {
         (name, element)
         for observation in model.observations
@@ -97,50 +126,53 @@ def _spindle_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]
         raise UndecidableError("the model does not end with a spindle that is described by its modes")
     if len(ends) > 1:
         raise UndecidableError("the assemblies end with different spindles")
-    name, spindle = ends.pop()
-    described = {
-        f"{name}.mode[{index}]": mode
-        for index, mode in enumerate(spindle.modes)
-        if (mode.y or mode.theta) and not model.has(f"{name}.mode[{index}].frequency_hz")
-    }
-    if not described:
-        yield from _other_modes(p, model, name)
-        return
-    low, high = _band(model)
-    for address, mode in described.items():
-        if low <= mode.frequency_hz <= high:
-            frequency = p["log_frequency"].move({f"{address}.frequency_hz": 1.0}, relative=True)
-            damping = p["log_damping"].move({f"{address}.damping_ratio": 1.0}, relative=True)
-            size = p["log_shape"].move({f"{address}.{quantity}": 1.0 for quantity in _MODE_SHAPE}, relative=True)
-            yield Variant(f"mode at {mode.frequency_hz:.0f} Hz", model.plus(frequency, damping, size))
+    return ends.pop()
+
+
+def _move_mode(p: Mapping[str, Parameter], frequency: float, model: Model) -> Model:
+    """Return the model in which the mode of a frequency in Hz is another one."""
+    name, spindle = _modal_end(model)
+    indices = [index for index, mode in enumerate(spindle.modes) if mode.frequency_hz == frequency]
+    if not indices:
+        raise UndecidableError(f"{name} has no mode at {frequency:.0f} Hz")
+    address = f"{name}.mode[{indices[0]}]"
+    return model.plus(
+        p["log_frequency"].move({f"{address}.frequency_hz": 1.0}, relative=True),
+        p["log_damping"].move({f"{address}.damping_ratio": 1.0}, relative=True),
+        p["log_shape"].move({f"{address}.{quantity}": 1.0 for quantity in _MODE_SHAPE}, relative=True),
+    )
 
 
 def _other_modes(p: Mapping[str, Parameter], model: Model, name: str) -> Iterator[Variant]:
-    """Yield models in which all unknown modes of the spindle `name` are others in one configuration."""
+    """Yield other modes of the spindle `name` in one configuration, where all its modes are unknowns."""
     configurations = model.configurations
     if len(configurations) < 2:
         raise UndecidableError(f"all modes of {name} are unknowns of the model, and there is one configuration")
-    modes = [f"mode[{index}]" for _, index in model.unknown_modes]
     # Of two configurations that differ either may be the changed one.
     for configuration in configurations if len(configurations) > 2 else configurations[1:]:
-        moves = [
-            # Beside another cause such moves imitate effects outside the catalogue, whatever their size.
-            replace(p[parameter], prior=Prior(mean=0.0, standard_deviation=deviation), ordinary=0.0).move(
-                {f"{name}.{mode}.{quantity}": 1.0 for quantity in quantities},
-                relative=True,
-                configurations=configuration,
-                part=mode,
-            )
-            for mode in modes
-            for parameter, (quantities, deviation) in _OTHER_MODE.items()
-        ]
         yield Variant(
             f"all modes, {configuration}",
-            model.plus(*moves),
+            partial(_move_all_modes, p, configuration),
             meaning=f"the spindle has other modes in {configuration} than in the other configurations",
             remedy="hit the blank in the warm spindle before and after each tool, with the same preload and drawbar "
             "force; identify the spindle for each configuration where the blank shows the difference",
         )
+
+
+def _move_all_modes(p: Mapping[str, Parameter], configuration: str, model: Model) -> Model:
+    name, _ = _modal_end(model)
+    moves = [
+        # Beside another cause such moves imitate effects outside the catalogue, whatever their size.
+        replace(p[parameter], prior=Prior(mean=0.0, standard_deviation=deviation), ordinary=0.0).move(
+            {f"{name}.mode[{index}].{quantity}": 1.0 for quantity in quantities},
+            relative=True,
+            configurations=configuration,
+            part=f"mode[{index}]",
+        )
+        for _, index in model.unknown_modes
+        for parameter, (quantities, deviation) in _OTHER_MODE.items()
+    ]
+    return model.plus(*moves)
 
 
 @dataclass(frozen=True)
@@ -157,36 +189,67 @@ class _Pieces:
     """Normalised positions of their middles."""
 
 
+_UNEVEN = {
+    "more or less at the ends": ("log_ends",),
+    "more at one end": ("log_tilt",),
+    "more at the ends, and more at one of them": ("log_ends", "log_tilt"),
+}
+"""Distributions along springs, and their parameters."""
+
+
 def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    points, distributed = _springs(model)
+    uneven = _UNEVEN if distributed else {}
+    for name, parameters in uneven.items():
+        yield Variant(name, partial(_distribute, p, parameters, along=False))
+    if points:
+        yield Variant("not at points", partial(_distribute, p, (), along=True))
+        for name, parameters in uneven.items():
+            yield Variant(f"not at points, {name}", partial(_distribute, p, parameters, along=True))
+
+
+def _springs(model: Model) -> tuple[list[GroundSpring], list[GroundSpring]]:
+    """Return the identified springs to ground: none or two at points, and those along a stretch."""
     identified = _identified_springs(model)
-    distributed = [_divide(one) for one in identified if one.length > 0.0]
-    points = [one for one in identified if one.length == 0.0]
+    points = [spring for spring in identified if spring.length == 0.0]
+    distributed = [spring for spring in identified if spring.length > 0.0]
     if len(points) not in (0, 2) or (not distributed and len(points) != 2):
         raise UndecidableError("the stretch along which the springs to ground could act is unknown")
-    uneven: dict[str, tuple[Unknown, ...]] = {}
-    if distributed:
-        own = _normalise(distributed)
-        ends = _redistribute(p["log_ends"], own, {one.name: [2.0 * x * x - 1.0 for x in one.places] for one in own})
-        tilt = _redistribute(p["log_tilt"], own, {one.name: list(one.places) for one in own})
-        uneven = {
-            "more or less at the ends": (ends,),
-            "more at one end": (tilt,),
-            "more at the ends, and more at one of them": (ends, tilt),
+    return points, distributed
+
+
+def _distribute(p: Mapping[str, Parameter], uneven: Iterable[str], model: Model, *, along: bool) -> Model:
+    """Return the model with springs to ground in pieces.
+
+    Parameters
+    ----------
+    p : mapping of str to Parameter
+        The parameters of the cause.
+    uneven : iterable of str
+        Names of the parameters by which springs along a stretch differ from the model, where it has such springs.
+    model : Model
+        The model without it.
+    along : bool
+        Whether point springs, where the model has them, act between their points as well.
+    """
+    points, distributed = _springs(model)
+    stretches = _normalise([_divide(spring) for spring in distributed]) if distributed and uneven else []
+    laid = [_lay_out(point, points, model) for point in points] if along else []
+    unknowns: list[Unknown] = []
+    if laid:
+        # As the springs along the stretch grow the point spring decreases: at both bounds the unknown is the whole.
+        growing = {piece.name: [-1.0] + [1.0] * SPRING_COUNT for piece in laid}
+        fading = {piece.name: [0.0, *(0.5 - x for x in piece.places[1:])] for piece in laid}
+        unknowns += [_redistribute(p["log_along"], laid, growing), _redistribute(p["fading"], laid, fading)]
+    if stretches:
+        shapes = {
+            "log_ends": {piece.name: [2.0 * x * x - 1.0 for x in piece.places] for piece in stretches},
+            "log_tilt": {piece.name: list(piece.places) for piece in stretches},
         }
-        for name, unknowns in uneven.items():
-            yield Variant(name, _replace_springs(model, own).plus(*unknowns))
-        distributed = own
-    if not points:
-        return
-    laid = [_lay_out(point, points, model) for point in points]
-    # As the springs along the stretch grow the point spring decreases: at both bounds the unknown is the whole.
-    along = (
-        _redistribute(p["log_along"], laid, {one.name: [-1.0] + [1.0] * SPRING_COUNT for one in laid}),
-        _redistribute(p["fading"], laid, {one.name: [0.0, *(0.5 - x for x in one.places[1:])] for one in laid}),
-    )
-    yield Variant("not at points", _replace_springs(model, laid).plus(*along))
-    for name, unknowns in uneven.items():
-        yield Variant(f"not at points, {name}", _replace_springs(model, [*laid, *distributed]).plus(*along, *unknowns))
+        unknowns += [_redistribute(p[name], stretches, shapes[name]) for name in uneven]
+    if not unknowns:
+        raise UndecidableError("the springs to ground act elsewhere")
+    return _replace_springs(model, [*laid, *stretches]).plus(*unknowns)
 
 
 def _identified_springs(model: Model) -> list[GroundSpring]:

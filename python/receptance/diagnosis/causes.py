@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, get_args
 
 from receptance import _checks
 from receptance.diagnosis.model import IndescribableError, Model, UndecidableError
 from receptance.fit.unknowns import Move, Prior, Unknown
+from receptance.model.addresses import MotionError
 
 Group = Literal["structure", "measurement"]
 
@@ -188,14 +189,17 @@ def parameters_of(unknowns: Iterable[Unknown]) -> dict[str, Parameter]:
 
 @dataclass(frozen=True, eq=False)
 class Variant:
-    """One way in which a cause can act on a model."""
+    """One way in which a cause can act: a change of models.
+
+    Variants of the same name and of causes of the same id are equal.
+    """
 
     name: str
     """Identifies it among the variants of its cause."""
-    model: Model
-    """The model with the cause, its parameters among the unknowns."""
-    local: bool = False
-    """Whether it acts only at the place in its name."""
+    change: Callable[[Model], Model] = field(repr=False)
+    """Returns a model with the cause and its parameters among the unknowns. It gets the model in which the cause acts:
+    the one that is diagnosed, with or without other causes, or one of other observations. It raises `UndecidableError`
+    where that model cannot have the cause."""
     far: bool = False
     """Whether it differs from the model without it even where its parameters are null, so that the joint has to change
     first."""
@@ -203,13 +207,55 @@ class Variant:
     """Values of a parameter at which chi-square has many local minima, by the name of its unknown. A fit starts at the
     best of them."""
     meaning: str = ""
-    """Replaces that of the cause for this variant."""
+    """What it is; by default the meaning of the cause."""
     remedy: str = ""
-    """Replaces that of the cause for this variant."""
+    """Remedy for the user; by default that of the cause."""
+    cause: Cause = field(init=False, repr=False)
+    """The cause; set by `Cause.variants`."""
 
-    def describe(self, cause: Cause) -> Cause:
-        """Return the cause with the meaning and the remedy of this variant."""
-        return replace(cause, meaning=self.meaning or cause.meaning, remedy=self.remedy or cause.remedy)
+    def __post_init__(self) -> None:
+        if not callable(self.change):
+            raise TypeError(f"Variant {self.name!r}: change is {self.change!r}, expected a function of a model")
+
+    @property
+    def id(self) -> tuple[str, str]:
+        """Id of the cause and name."""
+        return self.cause.id, self.name
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Variant) and self.id == other.id
+
+    def __hash__(self) -> int:
+        return hash(self.id)
+
+    def of(self, cause: Cause) -> Variant:
+        """Return it as a variant of a cause."""
+        variant = replace(self, meaning=self.meaning or cause.meaning, remedy=self.remedy or cause.remedy)
+        object.__setattr__(variant, "cause", cause)
+        return variant
+
+    def apply(self, model: Model) -> Model:
+        """Return a model with the cause, its parameters among the unknowns.
+
+        Raises
+        ------
+        UndecidableError
+            The model cannot have the cause; as `IndescribableError` if it has no such place, or no such elements.
+        TypeError
+            A new unknown is not made of a `Parameter`.
+        """
+        try:
+            extended = self.change(model)
+        except MotionError as error:
+            raise IndescribableError(error.reason) from error
+        before = {unknown.name for unknown in model.unknowns}
+        for unknown in extended.unknowns:
+            if unknown.name not in before and not isinstance(unknown, (CauseUnknown, CauseMove)):
+                raise TypeError(
+                    f"Cause {self.cause.id!r}: the unknown {unknown.name!r} of {self.name!r} is not made of one of its "
+                    "parameters, expected Parameter.unknown(...) or Parameter.move(...)"
+                )
+        return extended
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,7 +272,7 @@ class Cause:
         Its parameters; the unknowns of its variants are made of these.
     change : callable
         Gets the parameters as a mapping by name, and a `Model`; yields a `Variant` for each way of acting. Raises
-        `UndecidableError` where the data cannot show the cause. It describes changes without a fit.
+        `UndecidableError` where the data cannot show the cause. It only lists the variants; they change models.
     meaning : str
         The cause in the words of the workshop.
     remedy : str
@@ -283,75 +329,51 @@ class Cause:
         ------
         UndecidableError
             The data cannot show it.
-        TypeError
-            A variant has a new unknown that is not made of a `Parameter`.
         """
-        found = list(self.change({one.name: one for one in self.parameters}, model))
-        before = {one.name for one in model.unknowns}
-        for variant in found:
-            for unknown in variant.model.unknowns:
-                if unknown.name not in before and not isinstance(unknown, (CauseUnknown, CauseMove)):
-                    raise TypeError(
-                        f"Cause {self.id!r}: the unknown {unknown.name!r} of {variant.name!r} is not made of one of "
-                        "its parameters, expected Parameter.unknown(...) or Parameter.move(...)"
-                    )
-        return found
+        return [variant.of(self) for variant in self.change({one.name: one for one in self.parameters}, model)]
 
-
-class Step(NamedTuple):
-    """A cause that acts in one of its variants: one step from the base model to an explanation."""
-
-    cause: Cause
-    variant: str
-    """Name of the variant."""
-
-    def extend(self, model: Model) -> Model:
-        """Return the model with the cause and its parameters.
+    def extensions(self, model: Model) -> list[tuple[Variant, Model]]:
+        """Return the variants that a model can have, each with the model that it gives.
 
         Raises
         ------
         UndecidableError
-            The model does not have this variant.
+            The data cannot show it, or the model can have none of its variants; then for the reason of the first.
         """
-        for one in self.cause.variants(model):
-            if one.name == self.variant:
-                return one.model
-        raise IndescribableError(f"{self.cause.id} {self.variant}: the model has no such place or condition")
-
-    def transfer(self, model: Model) -> Model:
-        """Return other observations as the cause changes them, without its parameters.
-
-        A law across configurations, which a single configuration cannot have, changes no assembly.
-
-        Raises
-        ------
-        IndescribableError
-            The observations have a place or an assembly with which the change cannot be described.
-        """
-        try:
-            variants = self.cause.variants(model)
-        except IndescribableError:
-            raise
-        except UndecidableError:
-            return model
-        chosen = [variant for variant in variants if variant.name == self.variant]
-        if not chosen and any(one.local for one in variants):
-            raise IndescribableError(f"{self.cause.id} {self.variant}: the assembly has no such place")
-        if not chosen and len({str(one.model.observations[0].assembly.parameters) for one in variants}) == 1:
-            # All variants change the structure equally; their names give the measured quantity in the diagnosed model.
-            chosen = variants[:1]
-        return replace(chosen[0].model, unknowns=model.unknowns) if chosen else model
+        extended: list[tuple[Variant, Model]] = []
+        reason: UndecidableError | None = None
+        for variant in self.variants(model):
+            try:
+                extended.append((variant, variant.apply(model)))
+            except UndecidableError as error:
+                reason = reason or error
+        if reason is not None and not extended:
+            raise reason
+        return extended
 
 
-def extend(model: Model, steps: Sequence[Step]) -> Model:
-    """Return the model with causes and their parameters; see `Step.extend`."""
-    for step in steps:
-        model = step.extend(model)
+def extend(model: Model, variants: Iterable[Variant]) -> Model:
+    """Return the model with causes and their parameters; raises as `Variant.apply`."""
+    for variant in variants:
+        model = variant.apply(model)
     return model
 
 
-def transfer(model: Model, steps: Sequence[Step]) -> Model:
-    """Return observations that were not fitted as causes change them; see `Step.transfer`."""
-    for step in steps:
-        model = step.transfer(model)
+def transfer(model: Model, variants: Iterable[Variant]) -> Model:
+    """Return a model of observations that were not fitted as causes change them, without their parameters.
+
+    Observations that cannot have a cause, a joint for example, are as they are.
+
+    Raises
+    ------
+    IndescribableError
+        The observations have a place or an assembly with which a change cannot be described.
+    """
+    for variant in variants:
+        try:
+            model = replace(variant.apply(model), unknowns=model.unknowns)
+        except IndescribableError:
+            raise
+        except UndecidableError:
+            continue
     return model

@@ -12,7 +12,7 @@ from receptance import _checks
 from receptance.diagnosis.advice import advise
 from receptance.diagnosis.beside_discrepancy import select_beside
 from receptance.diagnosis.catalogue import resolve_causes
-from receptance.diagnosis.causes import Cause, Step, extend
+from receptance.diagnosis.causes import Cause, Variant, extend
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.findings import CandidateCause
 from receptance.diagnosis.fitting import fit_discrepancy, refit, sufficient
@@ -259,7 +259,7 @@ def _fitted_to_the_noise(first: Selection, best: Explanation | None) -> Explanat
     if best is None or any(explanation.passed and explanation.ids == best.ids for explanation in first.explanations):
         return None
     try:
-        found = first.explain(best.steps, refit(extend(first.base.model, best.steps), best.fit.values))
+        found = first.explain(best.variants, refit(extend(first.base.model, best.variants), best.fit.values))
     except (ReceptanceError, UndecidableError):
         return None
     return found if found.passed else None
@@ -277,11 +277,12 @@ def _verdict(
             interrupted = True
     reported: dict[str, CandidateCause] = {}
     for one in judgement.reported:
-        for step in one.steps:
-            if step.cause.id not in reported:
-                reported[step.cause.id] = _candidate(selection, one, step)
+        for variant in one.variants:
+            if variant.cause.id not in reported:
+                reported[variant.cause.id] = _candidate(selection, one, variant)
     alternatives = {
-        alternative: _candidate(selection, alternative, alternative.steps[0]) for alternative in selection.alternatives
+        alternative: _candidate(selection, alternative, alternative.variants[0])
+        for alternative in selection.alternatives
     }
     singles = selection.singles[: KEPT_ON_INTERRUPT if interrupted else None]
     verdict = Verdict(
@@ -289,13 +290,13 @@ def _verdict(
         adequacy=selection.base.adequacy,
         base_fit=selection.base,
         causes=tuple(reported.values()),
-        candidates=tuple(_candidate(selection, single, single.steps[0]) for single in singles),
+        candidates=tuple(_candidate(selection, single, single.variants[0]) for single in singles),
         ambiguous_between=judgement.ambiguous_between,
         next_measurement=next_measurement,
         notes=(*([_FAST] if selection.fast else []), *judgement.notes, *_data_notes(selection), *line_notes),
         settings=_settings(selection, most),
         selection=selection,
-        vetoed=tuple(_candidate(selection, one, step) for one, step in _vetoed(selection, judgement.reported)),
+        vetoed=tuple(_candidate(selection, one, variant) for one, variant in _vetoed(selection, judgement.reported)),
         alternatives=tuple(alternatives.values()),
         alternative=None if judgement.alternative is None else alternatives[judgement.alternative],
         explanation=judgement.reported[0] if judgement.reported else None,
@@ -303,7 +304,7 @@ def _verdict(
     return verdict.interrupt(report.position, tried=not selection.interrupted) if interrupted else verdict
 
 
-def _vetoed(selection: Selection, reported: Sequence[Explanation]) -> list[tuple[Explanation, Step]]:
+def _vetoed(selection: Selection, reported: Sequence[Explanation]) -> list[tuple[Explanation, Variant]]:
     """Return implausible causes with at least the evidence of the best plausible explanation, less the margin.
 
     Each cause is returned once, in its best explanation, and only the best few are. Those that are reported with an
@@ -313,24 +314,24 @@ def _vetoed(selection: Selection, reported: Sequence[Explanation]) -> list[tuple
         (explanation.evidence for explanation in selection.explanations if not explanation.implausible), default=0.0
     )
     least = max(selection.threshold, plausible - MARGIN, 0.0)
-    found: dict[str, tuple[Explanation, Step]] = {}
+    found: dict[str, tuple[Explanation, Variant]] = {}
     ids = frozenset().union(*(one.ids for one in reported))
     for one in selection.explanations:
-        for step in one.steps if one.evidence > least else ():
-            if step.cause.id not in ids and set(one.sizes(step.cause)) & set(one.implausible):
-                found.setdefault(step.cause.id, (one, step))
+        for variant in one.variants if one.evidence > least else ():
+            if variant.cause.id not in ids and set(one.sizes(variant.cause)) & set(one.implausible):
+                found.setdefault(variant.cause.id, (one, variant))
     return list(found.values())[:LISTED]
 
 
-def _candidate(selection: Selection, one: Explanation, step: Step) -> CandidateCause:
-    cause, variant = step
+def _candidate(selection: Selection, one: Explanation, variant: Variant) -> CandidateCause:
+    cause = variant.cause
     sizes = one.sizes(cause)
     declared = {name: one.parameters[name] for name in sizes}
     outside = {name: size for name, size in sizes.items() if name in one.implausible}
     return CandidateCause(
         id=cause.id,
         group=cause.group,
-        variant=variant,
+        variant=variant.name,
         explanation=one,
         gain=one.gain,
         evidence=one.evidence,
@@ -338,22 +339,22 @@ def _candidate(selection: Selection, one: Explanation, step: Step) -> CandidateC
         plausible=not outside,
         vetoed=implausible(declared, outside),
         converged=one.fit.converged,
-        together_with=tuple(other.id for other, _ in one.steps if other.id != cause.id),
-        look_alikes=_look_alikes(selection.directions, step),
-        meaning=cause.meaning,
-        remedy=(one.fit.model.in_spindle and cause.remedy_in_spindle) or cause.remedy,
+        together_with=tuple(other.cause.id for other in one.variants if other.cause.id != cause.id),
+        look_alikes=_look_alikes(selection.directions, variant),
+        meaning=variant.meaning,
+        remedy=(one.fit.model.in_spindle and cause.remedy_in_spindle) or variant.remedy,
         declared=declared,
     )
 
 
-def _look_alikes(directions: Sequence[Direction], step: Step) -> dict[str, float]:
+def _look_alikes(directions: Sequence[Direction], variant: Variant) -> dict[str, float]:
     """Return the causes with a similar effect, and the largest cosine of each, in descending order."""
-    own = next((direction for direction in directions if direction.is_of(step.cause.id, step.variant)), None)
+    own = next((direction for direction in directions if direction.variant == variant), None)
     if own is None:
         return {}
     cosines: dict[str, float] = {}
     for other in directions:
-        if other.cause.id != step.cause.id and other.slopes.shape[1] <= own.slopes.shape[1]:
+        if other.cause.id != variant.cause.id and other.slopes.shape[1] <= own.slopes.shape[1]:
             cosines[other.cause.id] = max(cosines.get(other.cause.id, 0.0), look_alike(own, other))
     similar = sorted(cosines.items(), key=lambda pair: -pair[1])
     return {other: round(cosine, 4) for other, cosine in similar if cosine >= LOOK_ALIKE}

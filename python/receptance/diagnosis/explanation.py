@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from receptance.diagnosis.causes import Cause, Parameter, Step, parameters_of
+from receptance.diagnosis.causes import Cause, Parameter, Variant, parameters_of
 from receptance.diagnosis.fitting import DiscrepancyFit, Fit
 from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.screening import Direction
@@ -20,8 +20,8 @@ from receptance.fit.discrepancy import Discrepancy
 class Explanation:
     """Causes that act together, and the fit that includes them."""
 
-    steps: tuple[Step, ...]
-    """The causes in the order in which they were added, each with its variant."""
+    variants: tuple[Variant, ...]
+    """The causes in the order in which they were added, each in one of its variants."""
     fit: Fit
     """The extended model at its best point."""
     gain: float
@@ -40,12 +40,12 @@ class Explanation:
     @property
     def ids(self) -> frozenset[str]:
         """Ids of the causes."""
-        return frozenset(cause.id for cause, _ in self.steps)
+        return frozenset(variant.cause.id for variant in self.variants)
 
     @property
     def title(self) -> str:
-        """Names of the causes, in the order of the steps."""
-        return " + ".join(cause.title for cause, _ in self.steps)
+        """Names of the causes, in the order in which they were added."""
+        return " + ".join(variant.cause.title for variant in self.variants)
 
     @property
     def adequacy(self) -> Adequacy:
@@ -77,10 +77,10 @@ class Explanation:
     def negligible(self) -> frozenset[str]:
         """Ids of the causes all of whose sizes are negligible."""
         found = set()
-        for cause, _ in self.steps:
-            sizes = [(self.parameters[name], value) for name, value in self.sizes(cause).items()]
+        for variant in self.variants:
+            sizes = [(self.parameters[name], value) for name, value in self.sizes(variant.cause).items()]
             if sizes and all(abs(value - one.null) < one.negligible for one, value in sizes):
-                found.add(cause.id)
+                found.add(variant.cause.id)
         return frozenset(found)
 
     @property
@@ -187,14 +187,14 @@ class Selection:
                 largest[direction.cause.id] = max(largest.get(direction.cause.id, 0.0), gain)
         return tuple(id for id, gain in largest.items() if gain < self.threshold)
 
-    def explain(self, steps: tuple[Step, ...], fit: Fit, expected: float = 0.0) -> Explanation:
+    def explain(self, variants: tuple[Variant, ...], fit: Fit, expected: float = 0.0) -> Explanation:
         """Return the explanation of a fit; `expected` is the further gain that is predicted of a complete fit."""
         causes = parameters_of(fit.model.unknowns)
         free = sum(unknown.prior is None for unknown in fit.model.unknowns if unknown.name not in causes)
         free += sum(parameter.penalised for parameter in causes.values())
         count = max(free - sum(unknown.prior is None for unknown in self.base.model.unknowns), 1)
         gain = self.gain(fit.chi_square - expected)
-        return Explanation(steps, fit, gain, gain - self.penalty * count, expected, self.discrepancy is not None)
+        return Explanation(variants, fit, gain, gain - self.penalty * count, expected, self.discrepancy is not None)
 
     def gain(self, chi_square: float) -> float:
         """Return the gain of a fit: twice the difference of the logarithms of the likelihoods.
@@ -233,7 +233,7 @@ class Selection:
     @property
     def singles(self) -> list[Explanation]:
         """Explanations by one cause, the highest evidence first."""
-        return [explanation for explanation in self.explanations if len(explanation.steps) == 1]
+        return [explanation for explanation in self.explanations if len(explanation.variants) == 1]
 
     @property
     def held_out_singles(self) -> list[Explanation]:

@@ -298,7 +298,7 @@ class Findings:
     @property
     def causes_together(self) -> tuple[str, ...]:
         """Ids of the causes of the best of the reported explanations."""
-        return () if self.explanation is None else tuple(cause.id for cause, _ in self.explanation.steps)
+        return () if self.explanation is None else tuple(variant.cause.id for variant in self.explanation.variants)
 
     @property
     def best_evidence(self) -> float:

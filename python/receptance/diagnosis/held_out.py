@@ -224,7 +224,7 @@ def _refit(selection: Selection, one: Explanation, configurations: Sequence[str]
     if not parameters_of(model.unknowns).keys() >= one.parameters.keys():
         return None
     try:
-        return selection.explain(one.steps, refit(model, one.fit.values))
+        return selection.explain(one.variants, refit(model, one.fit.values))
     except ReceptanceError:
         return None
 
@@ -276,7 +276,7 @@ def _fold(
     singles = {}
     for held_out_single in selection.held_out_singles:
         found, _ = _measure_with(held_out_single, held_out, scored=False)
-        singles[held_out_single.steps[0].cause.id] = found.get(first, np.empty((0, 2)))
+        singles[held_out_single.variants[0].cause.id] = found.get(first, np.empty((0, 2)))
     causes = () if best is None else tuple(sorted(best.ids))
     return _Fold(name, answer, causes, before, after, singles, modes, modes_after)
 
@@ -286,7 +286,7 @@ def _measure_with(
 ) -> tuple[Units, tuple[ModeResidual, ...]]:
     """Return the metrics with an explanation; none where its causes cannot be described for the held-out data."""
     try:
-        return _measure(one.fit, transfer(base, one.steps), metrics, scored=scored)
+        return _measure(one.fit, transfer(base, one.variants), metrics, scored=scored)
     except IndescribableError:
         return {}, ()
 

@@ -60,7 +60,7 @@ def _pairs(base: Fit, best: Explanation | None, held_out: Model) -> list[tuple[C
     after: list[Curve] = []
     if best is not None:
         try:
-            after = _curves(best.fit, transfer(held_out, best.steps))
+            after = _curves(best.fit, transfer(held_out, best.variants))
         except IndescribableError:
             after = []
     return [(one, after[i] if i < len(after) else None) for i, one in enumerate(before)]

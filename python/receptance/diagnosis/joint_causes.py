@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeVar
 
@@ -17,6 +17,7 @@ from receptance.diagnosis.model import (
     named,
     part_of,
     require_beams,
+    require_joint,
 )
 from receptance.diagnosis.thresholds import (
     COLLET_GYRATION,
@@ -28,7 +29,8 @@ from receptance.diagnosis.thresholds import (
     VARIED,
 )
 from receptance.fit.observation import Observation, altered
-from receptance.fit.unknowns import Law, Move, Prior, Tolerance, covered
+from receptance.fit.unknowns import Law, Move, Prior, Tolerance, Unknown, covered
+from receptance.model.addresses import check_motion
 from receptance.model.anatomy import Anatomy, overhang_of
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part, Section, SpreadJoint
@@ -60,35 +62,43 @@ def _part(joints: tuple[str, ...], name: str) -> str:
     return name if len(joints) > 1 else ""
 
 
-def _require_joint(model: Model) -> None:
-    if not model.joints:
-        raise UndecidableError("the model has no joint between tool and holder")
-
-
 def _cross_term(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     joints = _point_joints(model)
     if any(model.has(f"{name}.k_ytheta") for name in joints):
         raise UndecidableError("the coupling term is an unknown of the model already")
-    terms = [p["k_ytheta"].unknown(f"{name}.k_ytheta", part=_part(joints, name)) for name in joints]
-    stiff = model.couple_terms(*joints).plus(*terms)
-    yield Variant("stiffness", stiff)
-    damped = [name for name in joints if all(model.has(f"{name}.{c}") for c in _DAMPINGS)]
-    if damped:
-        both = (p["c_ytheta"].unknown(f"{name}.c_ytheta", part=_part(joints, name)) for name in damped)
-        yield Variant("stiffness and damping", stiff.plus(*both))
+    yield Variant("stiffness", partial(_add_cross_terms, p["k_ytheta"]))
+    if _damped(joints, model):
+        yield Variant("stiffness and damping", partial(_add_cross_terms, p["k_ytheta"], damping=p["c_ytheta"]))
+
+
+def _add_cross_terms(stiffness: Parameter, model: Model, damping: Parameter | None = None) -> Model:
+    joints = _point_joints(model)
+    terms = [stiffness.unknown(f"{name}.k_ytheta", part=_part(joints, name)) for name in joints]
+    if damping is not None:
+        terms += [damping.unknown(f"{name}.c_ytheta", part=_part(joints, name)) for name in _damped(joints, model)]
+    return model.with_change(Model.couple_terms, *joints).plus(*terms)
+
+
+def _damped(joints: tuple[str, ...], model: Model) -> list[str]:
+    """Return the joints whose dampings are unknowns."""
+    return [name for name in joints if all(model.has(f"{name}.{field}") for field in _DAMPINGS)]
 
 
 def _loss(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _require_joint(model)
+    require_joint(model)
     _require_damping(model)
     if any(model.has(address) for address in model.joint_addresses("loss_factor")):
         raise UndecidableError("the loss factor is an unknown of the model already")
+    yield Variant("all stiffnesses", partial(_add_loss, p["loss_factor"]))
+
+
+def _add_loss(parameter: Parameter, model: Model) -> Model:
     unknowns = []
     for name in model.joints:
         first, *others = model.addresses_of(name, "loss_factor")
         part, also = _part(model.joints, name), dict.fromkeys(others, 1.0)
-        unknowns.append(p["loss_factor"].unknown(first, part=part, also=also))
-    yield Variant("all stiffnesses", model.plus(*unknowns))
+        unknowns.append(parameter.unknown(first, part=part, also=also))
+    return model.plus(*unknowns)
 
 
 def _require_damping(model: Model) -> None:
@@ -111,38 +121,65 @@ def _is_varied(values: list[float]) -> bool:
     return bool(values) and min(values) > 0.0 and max(values) > VARIED * min(values)
 
 
-def _laws(p: Mapping[str, Parameter], model: Model, of: str, prefix: str) -> Iterator[Variant]:
-    """Yield power laws of a condition for the joint's stiffnesses and dampings, together and separately."""
-    values = _values(model, of)
+@dataclass(frozen=True)
+class _Condition:
+    """A condition on which a joint may depend, with the value at which the joint is that of the model."""
+
+    name: str
+    """Name of a condition of the observations; empty for the overhang that their assemblies have."""
+    reference: float
+
+    def address(self, model: Model) -> str:
+        """Return the name of the condition, or the address of the overhang."""
+        if self.name:
+            return self.name
+        if len(addresses := _overhangs(model)) != 1:
+            raise UndecidableError("the overhangs have different addresses in the assemblies")
+        return addresses.pop()
+
+
+def _overhangs(model: Model) -> set[str]:
+    """Return the addresses of the overhang in the assemblies."""
+    pairs = zip(model.observations, model.anatomies, strict=True)
+    return {overhang_of(observation.assembly, anatomy) for observation, anatomy in pairs}
+
+
+def _laws(p: Mapping[str, Parameter], model: Model, condition: str, *, prefix: str = "") -> Iterator[Variant]:
+    """Yield power laws of a condition for the joint's stiffnesses and dampings, together and separately.
+
+    The condition is a name, or the address of the overhang.
+    """
+    values = _values(model, condition)
     reference = math.exp(sum(math.log(value) for value in values) / len(values))
-
-    def separate(*fields: str) -> Model:
-        # A term that is zero and no unknown stays zero under any power.
-        moved = [field for field in fields if any(_is_present(model, a) for a in model.joint_addresses(field))]
-        return model.plus(
-            *(
-                p[field].move(
-                    dict.fromkeys(model.joint_addresses(field), 1.0), relative=True, of=of, reference=reference
-                )
-                for field in moved
-            )
-        )
-
-    def shared(fields: tuple[str, ...], *, damping: bool) -> Model:
-        moves = {address: 1.0 for field in fields for address in model.joint_addresses(f"k_{field}")}
-        if damping:
-            moves |= {address: -1.0 for field in fields for address in model.joint_addresses(f"c_{field}")}
-        return model.plus(p["exponent"].move(moves, relative=True, of=of, reference=reference))
-
+    along = _Condition("" if condition in _overhangs(model) else condition, reference)
     damped = any(model.has(a) for field in _DAMPINGS for a in model.joint_addresses(field))
     for fields in (("y",), ("theta",), ("y", "theta")):
         name = " and ".join(f"k_{field}" for field in fields)
-        yield Variant(f"{prefix}{name}", shared(fields, damping=False))
+        powers = {f"k_{field}": 1.0 for field in fields}
+        yield Variant(f"{prefix}{name}", partial(_add_law, p["exponent"], along, powers))
         if damped:
-            yield Variant(f"{prefix}{name}, damping the other way", shared(fields, damping=True))
-    yield Variant(f"{prefix}k_y and k_theta apart", separate(*_STIFFNESSES))
+            powers = powers | {f"c_{field}": -1.0 for field in fields}
+            yield Variant(f"{prefix}{name}, damping the other way", partial(_add_law, p["exponent"], along, powers))
+    yield Variant(f"{prefix}k_y and k_theta apart", partial(_add_laws, p, along, _STIFFNESSES))
     if damped:
-        yield Variant(f"{prefix}stiffness and damping apart", separate(*_STIFFNESSES, *_DAMPINGS))
+        yield Variant(f"{prefix}stiffness and damping apart", partial(_add_laws, p, along, (*_STIFFNESSES, *_DAMPINGS)))
+
+
+def _add_law(exponent: Parameter, along: _Condition, powers: Mapping[str, float], model: Model) -> Model:
+    """Return the model with fields of the joints that follow one law, each with a power of its own."""
+    require_joint(model)
+    moves = {address: n for field, n in powers.items() for address in model.joint_addresses(field)}
+    return model.plus(exponent.move(moves, relative=True, of=along.address(model), reference=along.reference))
+
+
+def _add_laws(exponents: Mapping[str, Parameter], along: _Condition, fields: Iterable[str], model: Model) -> Model:
+    """Return the model with fields of the joints that follow laws with different exponents."""
+    require_joint(model)
+    for field in fields:
+        # A term that is zero and no unknown stays zero under any power.
+        if any(_is_present(model, address) for address in model.joint_addresses(field)):
+            model = _add_law(exponents[field], along, {field: 1.0}, model)
+    return model
 
 
 def _is_present(model: Model, address: str) -> bool:
@@ -154,19 +191,16 @@ def _is_present(model: Model, address: str) -> bool:
 
 def _law_of(condition: str, missing: str, p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     """Yield power laws of one condition; `missing` is the reason why they are undecidable where it was not varied."""
-    _require_joint(model)
+    require_joint(model)
     if not _is_varied(_values(model, condition)):
         raise UndecidableError(missing)
-    yield from _laws(p, model, condition, "")
+    yield from _laws(p, model, condition)
 
 
 def _condition_law(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _require_joint(model)
+    require_joint(model)
     names = dict.fromkeys(name for one in model.observations for name in one.conditions)
-    lengths = {
-        overhang_of(observation.assembly, anatomy)
-        for observation, anatomy in zip(model.observations, model.anatomies, strict=True)
-    }
+    lengths = _overhangs(model)
     conditions = [name for name in names if name not in ("force", "plane") and ".segment[" not in name]
     if "overhang" not in names and len(lengths) == 1:
         conditions += lengths
@@ -174,48 +208,48 @@ def _condition_law(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant
     if not chosen:
         raise UndecidableError("no condition that a joint could depend on (overhang, torque, pre-force) was varied")
     for name in chosen:
-        yield from _laws(p, model, name, f"{name}: ")
+        yield from _laws(p, model, name, prefix=f"{name}: ")
 
 
 def _collet(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _require_joint(model)
+    yield Variant("between tool and holder", partial(_put_collet_between, p))
+    for side in ("tool", "holder"):
+        yield Variant(f"on the {side}", partial(_put_collet_on, side, p["mass"]))
+
+
+def _joints_without_collet(model: Model) -> tuple[str, ...]:
+    require_joint(model)
     elements = [observation.assembly.elements for observation in model.observations]
     if any(isinstance(element.get(name), ColletJoint) for element in elements for name in model.joints):
         raise UndecidableError("the model has a collet between tool and holder already")
-    yield from _between(p, model)
-    own = [anatomy for anatomy in model.anatomies if anatomy.joint]
-    sides = {
-        "on the tool": [PointMass(mass=0.0, part=one.tool[-1], position="end", name="cause_collet") for one in own],
-        "on the holder": [
-            PointMass(mass=0.0, part=one.holder[0], position=0.0, name="cause_collet") for one in own if one.holder
-        ],
-    }
-    for name, listed in sides.items():
-        if len(listed) < len(own):
-            continue  # data instead of a holder have no place for a mass
-        points = dict.fromkeys(listed)
-        yield Variant(name, model.attach(*points).plus(p["mass"].unknown("cause_collet.mass")))
+    return _point_joints(model)
 
 
-def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    """Yield a collet between two equal springs that in series are the joint (Matthias et al. 2016, eq. 15)."""
-    joints = _point_joints(model)
-    if len(joints) > 1:
-        return
-    (joint,) = joints
+def _put_collet_on(side: str, mass: Parameter, model: Model) -> Model:
+    """Return the model with the mass of a collet at the joint, on the tool or on the holder."""
+    _joints_without_collet(model)
+    anatomies = [anatomy for anatomy in model.anatomies if anatomy.joint]
+    collet = PointMass(mass=0.0, name="cause_collet")
+    if side == "tool":
+        points = [replace(collet, part=anatomy.tool[-1], position="end") for anatomy in anatomies]
+    elif all(anatomy.holder for anatomy in anatomies):
+        points = [replace(collet, part=anatomy.holder[0], position=0.0) for anatomy in anatomies]
+    else:
+        raise IndescribableError("data instead of a holder have no place for a mass")
+    return model.attach(*dict.fromkeys(points)).plus(mass.unknown("cause_collet.mass"))
+
+
+def _put_collet_between(p: Mapping[str, Parameter], model: Model) -> Model:
+    """Return the model with a collet between two equal springs that in series are the joint.
+
+    Matthias et al. 2016, eq. 15.
+    """
+    joints = _joints_without_collet(model)
     tools = {anatomy.tool[-1] for anatomy in model.anatomies if anatomy.joint}
-    if len(tools) > 1:
-        return
-    diameter = min(part.segments[-1].outer_diameter for tool in tools for part in model.parts(tool))
-
-    def build(assembly: Assembly) -> Assembly:
-        if joint not in assembly.elements:
-            return assembly
-        elements = named(assembly.elements)
-        own = elements[joint]
-        spring = PointJoint(**{field: 2.0 * getattr(own, field) for field in SPRING_TERMS}, loss_factor=own.loss_factor)
-        elements[joint] = ColletJoint(inner=spring, outer=spring, name=joint)
-        return Assembly(elements.values(), named(assembly.attachments).values(), motion=assembly.motion)
+    if len(joints) > 1 or len(tools) > 1:
+        raise IndescribableError("there are several joints between tool and holder, or several tools")
+    (joint,), (tool,) = joints, tools
+    diameter = min(part.segments[-1].outer_diameter for part in model.parts(tool))
 
     def halves(moves: Mapping[str, float]) -> dict[str, float]:
         """Return moves of the joint's fields as moves of both springs."""
@@ -235,7 +269,7 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
             unknown = replace(unknown, address=inner, name=unknown.name, multiple=times, also={outer: times})
         unknowns.append(unknown)
     changed = replace(
-        model.rebuild(build),
+        model.rebuild(partial(_with_collet, joint)),
         unknowns=tuple(unknowns),
         tolerances=tuple(replace(tolerance, moves=halves(tolerance.moves)) for tolerance in model.tolerances),
     )
@@ -244,7 +278,19 @@ def _between(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     shape = p["log_inertia"].move({inertia: 1.0}, relative=True)
     split = {f"{joint}.inner.{field}": 1.0 for field in SPRING_TERMS}
     split |= {f"{joint}.outer.{field}": -1.0 for field in SPRING_TERMS}
-    yield Variant("between tool and holder", changed.plus(mass, shape, p["split"].move(split, relative=True)))
+    return changed.plus(mass, shape, p["split"].move(split, relative=True))
+
+
+def _with_collet(joint: str, assembly: Assembly) -> Assembly:
+    if joint not in assembly.elements:
+        return assembly
+    check_motion(ColletJoint, assembly.motion, joint)
+    elements = named(assembly.elements)
+    whole = elements[joint]
+    terms = {field: 2.0 * getattr(whole, field) for field in SPRING_TERMS}
+    spring = PointJoint(**terms, loss_factor=whole.loss_factor)
+    elements[joint] = ColletJoint(inner=spring, outer=spring, name=joint)
+    return Assembly(elements.values(), named(assembly.attachments).values(), motion=assembly.motion)
 
 
 def _halves(address: str, joint: str) -> tuple[str, ...]:
@@ -253,37 +299,58 @@ def _halves(address: str, joint: str) -> tuple[str, ...]:
     return (f"{joint}.inner.{field}", f"{joint}.outer.{field}") if own == joint else (address,)
 
 
+_LAYERS = ((None, False), (2, False), (4, False), (2, True), (4, True), (LAYER_POINTS, True))
+"""Numbers of points along a spread joint, None for a layer, and whether it is uneven."""
+
+
 def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    for points, is_uneven in _LAYERS:
+        name = "layer" if points is None else f"{points} points{', uneven' if is_uneven else ''}"
+        slope = p["slope"] if is_uneven else None
+        yield Variant(name, partial(_spread_partly, points, p["length"], slope))
+        yield Variant(f"{name} over the whole insertion", partial(_spread_wholly, points, slope), far=True)
+
+
+def _anatomy_to_spread(model: Model) -> Anatomy:
+    """Return the anatomy about the joint that is spread, the same in all assemblies."""
     (joint, *others) = _point_joints(model)
     require_beams(model)
-    if others or len({anatomy for anatomy in model.anatomies if anatomy.joint}) > 1:
+    anatomies = {anatomy for anatomy in model.anatomies if anatomy.joint}
+    if others or len(anatomies) > 1:
         raise UndecidableError("there are several joints between tool and holder")
     if any(model.has(f"{joint}.{field}") for field in ("k_ytheta", "c_ytheta")):
         raise UndecidableError("a spread joint has no coupling term of its own, and the model's joint has one")
-    anatomy = next(one for one in model.anatomies if one.joint)
-    inside = min(model.places(anatomy.holder[0]), default=math.inf) < _mouth(model, anatomy)
-    model = _fix_places(model, anatomy)
-    longest = _mouth(model, anatomy)
-    length = p["length"]
-    upper = min(length.upper, SHORTENED * longest)
-    slope = p["slope"].unknown(f"{joint}.slope")
-    tolerances = tuple(replace(t, moves=_extend_moves(t.moves, anatomy)) for t in model.tolerances)
-    unknowns = tuple(
-        replace(u, moves=_extend_moves(u.moves, anatomy)) if isinstance(u, Move) else u for u in model.unknowns
+    return anatomies.pop()
+
+
+def _spread_partly(points: int | None, length: Parameter, slope: Parameter | None, model: Model) -> Model:
+    """Return the model with a joint that is spread from the mouth to an unknown depth."""
+    anatomy = _anatomy_to_spread(model)
+    fixed = model.with_change(_fix_places, anatomy)
+    spread = _spread_model(fixed, anatomy, points, whole=False)
+    unknowns, tolerances = (_follow_contact(moving, anatomy) for moving in (fixed.unknowns, fixed.tolerances))
+    longest = min(length.upper, SHORTENED * _mouth(fixed, anatomy))
+    lengths = {f"{anatomy.joint}.length": 1.0, f"{anatomy.holder[0]}.segment[0].length": -1.0}
+    added = [length.move(lengths, upper=longest - SHORTEST_SPREAD), *_slope(slope, anatomy)]
+    return replace(spread, unknowns=tuple(unknowns), tolerances=tuple(tolerances)).plus(*added)
+
+
+def _spread_wholly(points: int | None, slope: Parameter | None, model: Model) -> Model:
+    """Return the model with a joint that is spread over the whole insertion."""
+    anatomy = _anatomy_to_spread(model)
+    fixed = model.with_change(_fix_places, anatomy)
+    if min(model.places(anatomy.holder[0]), default=math.inf) < _mouth(model, anatomy):
+        raise IndescribableError(f"a coordinate or an attachment is on {anatomy.holder[0]} within the insertion")
+    spread = _spread_model(fixed, anatomy, points, whole=True)
+    unknowns, tolerances = (
+        _restrict(_lengthen_contact(_follow_contact(moving, anatomy), anatomy), spread)
+        for moving in (fixed.unknowns, fixed.tolerances)
     )
-    for points, is_uneven in ((None, False), (2, False), (4, False), (2, True), (4, True), (LAYER_POINTS, True)):
-        name = "layer" if points is None else f"{points} points{', uneven' if is_uneven else ''}"
-        more = (slope,) if is_uneven else ()
-        partly = _spread_model(model, anatomy, points, whole=False)
-        lengths = {f"{joint}.length": 1.0, f"{anatomy.holder[0]}.segment[0].length": -1.0}
-        unknown = length.move(lengths, upper=upper - SHORTEST_SPREAD)
-        yield Variant(name, replace(partly, unknowns=unknowns, tolerances=tolerances).plus(unknown, *more))
-        if inside:
-            continue
-        wholly = _spread_model(model, anatomy, points, whole=True)
-        own, errors = (_lengthen_contact(moving, anatomy) for moving in (unknowns, tolerances))
-        kept = replace(wholly, unknowns=_restrict(own, wholly), tolerances=_restrict(errors, wholly))
-        yield Variant(f"{name} over the whole insertion", kept.plus(*more), far=True)
+    return replace(spread, unknowns=unknowns, tolerances=tolerances).plus(*_slope(slope, anatomy))
+
+
+def _slope(slope: Parameter | None, anatomy: Anatomy) -> list[Unknown]:
+    return [] if slope is None else [slope.unknown(f"{anatomy.joint}.slope")]
 
 
 def _mouth(model: Model, anatomy: Anatomy) -> float:
@@ -359,6 +426,7 @@ def _spread_joint(assembly: Assembly, anatomy: Anatomy, points: int | None, whol
     elements = named(assembly.elements)
     if anatomy.joint not in elements:
         return assembly
+    check_motion(SpreadJoint, assembly.motion, anatomy.joint)
     joint, tool, holder = (elements[name] for name in (anatomy.joint, anatomy.tool[-1], anatomy.holder[0]))
     last, first = tool.segments[-1], holder.segments[0]
     bore = max(first.inner_diameter, last.outer_diameter)
@@ -387,6 +455,12 @@ def _shift(point: _Placed, anatomy: Anatomy, length: float) -> _Placed:
     if point.part != anatomy.holder[0] or point.position == "end":
         return point
     return replace(point, position=point.position - length)
+
+
+def _follow_contact(moving: Iterable[Any], anatomy: Anatomy) -> Iterator[Any]:
+    """Yield unknowns or tolerances that move the shank and the sleeve of the spread joint with tool and holder."""
+    for each in moving:
+        yield replace(each, moves=_extend_moves(each.moves, anatomy)) if isinstance(each, (Move, Tolerance)) else each
 
 
 def _extend_moves(moves: Mapping[str, float], anatomy: Anatomy) -> dict[str, float]:

@@ -74,7 +74,7 @@ def _with_share(selection: Selection, found: Judgement) -> Judgement:
     best = found.reported[0]
     share = selection.share(best)
     taken = f"beside a discrepancy of {selection.discrepancy} {best.title} takes {100.0 * share:.0f} % of the misfit"
-    if any(cause.unspecific for cause, _ in best.steps):
+    if any(variant.cause.unspecific for variant in best.variants):
         reason = f"{taken}, but other errors of the structure would have a similar effect"
     elif share < LEAST_SHARE:
         reason = f"{taken}, expected at least {100.0 * LEAST_SHARE:.0f} %"
@@ -129,7 +129,7 @@ def _conclude(selection: Selection) -> Judgement:
         common = frozenset.intersection(*(one.ids for one in remaining))
         between = _in_order(remaining, frozenset.union(*(one.ids for one in remaining)) - common)
         return Judgement("ambiguous", tuple(remaining), between, tuple(notes))
-    verb = "is" if len(remaining[0].steps) == 1 else "are"
+    verb = "is" if len(remaining[0].variants) == 1 else "are"
     doubts = [f"{remaining[0].title} {verb} suspected only: {why}" for why in _doubts(selection, remaining[0], limit)]
     return Judgement("suspected" if doubts or unfinished else "named", tuple(remaining), notes=(*notes, *doubts))
 
@@ -156,7 +156,7 @@ def _preferred_alternative(selection: Selection, remaining: Sequence[Explanation
     It needs more evidence than a single cause by the margin. To be preferred to several causes together it may have
     less by the margin, because it is one change and they are several.
     """
-    least = remaining[0].evidence + (MARGIN if any(len(one.steps) == 1 for one in remaining) else -MARGIN)
+    least = remaining[0].evidence + (MARGIN if any(len(one.variants) == 1 for one in remaining) else -MARGIN)
     return next((one for one in selection.alternatives if one.evidence > least), None)
 
 
@@ -199,7 +199,7 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
             "an exponential window that the FRFs do not state has a similar effect, and "
             f"{TABLE}, which does not allow for it"
         )
-    structure = any(cause.group == "structure" for cause, _ in one.steps)
+    structure = any(variant.cause.group == "structure" for variant in one.variants)
     one_configuration = len(base.model.configurations) == 1 and structure
     if one_configuration:
         sources, another = base.model.separable
@@ -212,7 +212,7 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
             f"it improves {only} alone, where an effect of that tool or clamping may be the "
             "same; measure another configuration"
         )
-    large = one.extraordinary if len(one.steps) > 1 else ()
+    large = one.extraordinary if len(one.variants) > 1 else ()
     if large:
         sizes = ", ".join(f"{size} = {one.fit.values[size]:.3g}" for size in large[:_LISTED_SIZES])
         more = f" and {len(large) - _LISTED_SIZES} more" if len(large) > _LISTED_SIZES else ""
@@ -221,7 +221,7 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
             "the catalogue may act in place of both"
         )
     before = base.adequacy
-    if len(one.steps) > 1 and before.misfit <= before.limit:
+    if len(one.variants) > 1 and before.misfit <= before.limit:
         yield (
             "the misfit without them is within its limit, and an effect that is not in the "
             "catalogue may explain the rest"
@@ -230,7 +230,7 @@ def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[st
 
 def _only_configuration(base: Fit, one: Explanation) -> str | None:
     """Return the only configuration that an explanation improves, if its causes should act in all of them."""
-    if is_of_one(one) or any(cause.group == "measurement" for cause, _ in one.steps):
+    if is_of_one(one) or any(variant.cause.group == "measurement" for variant in one.variants):
         return None
     return only_improved(base, one)
 
@@ -275,9 +275,10 @@ def _adds_only(one: Explanation, other: Explanation) -> bool:
 
 
 def _describe(alternative: Explanation) -> str:
-    ((cause, variant),) = alternative.steps
-    return f"{cause.meaning} {variant}"
+    (variant,) = alternative.variants
+    return f"{variant.meaning} {variant.name}"
 
 
 def _in_order(remaining: Sequence[Explanation], ids: frozenset[str]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(cause.id for one in remaining for cause, _ in one.steps if cause.id in ids))
+    together = (variant.cause.id for one in remaining for variant in one.variants)
+    return tuple(dict.fromkeys(id for id in together if id in ids))

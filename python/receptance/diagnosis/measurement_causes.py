@@ -13,7 +13,14 @@ import numpy as np
 
 from receptance._text import join_names
 from receptance.diagnosis.causes import Cause, Parameter, Variant
-from receptance.diagnosis.model import Model, UndecidableError, require_beams, require_no_table, with_points
+from receptance.diagnosis.model import (
+    IndescribableError,
+    Model,
+    UndecidableError,
+    require_beams,
+    require_no_table,
+    with_points,
+)
 from receptance.diagnosis.thresholds import (
     HIT_BOUND,
     HIT_STEP,
@@ -33,6 +40,8 @@ from receptance.units import FORMS
 
 _NOT_COMPLEX = "which has no values at the complex frequencies of a window: describe that part by modes"
 _TIMES = {1: "once", 2: "twice"}
+_EARLIEST, _LATEST = 0.8, 1.1
+"""Bounds of the end of truncated records, as multiples of the end that the lines show."""
 _RECORDED = ("displacements", "velocities", "accelerations")
 """Quantities of a record in the order of time derivatives."""
 _POWERS = {
@@ -60,27 +69,34 @@ def _each(model: Model) -> tuple[str | None, ...]:
 
 
 def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    def change(observation: Observation) -> Observation:
-        place = observation.response if observation.is_receptance else Coordinate()
-        point = PointMass(mass=0.0, part=place.part, position=place.position, name="cause_sensor")
-        return altered(observation, assembly=with_points(observation.assembly, point))
-
-    # A large structure carries a large sensor.
-    heaviest = max(
-        sum(part.mass for name in anatomy.tool for part in model.parts(name)[:1]) for anatomy in model.anatomies
-    )
-    declared = p["mass"]
-    largest = max(SENSOR_SHARE * heaviest, declared.plausible[1])
-    mass = replace(declared, plausible=(0.0, largest), upper=max(declared.upper, LARGE_SIZE * largest))
-    changed = model.map(change).with_shared_assemblies()
     stated = join_names(sorted({amount(size, "kg") for one in model.observations if (size := _mass_at_response(one))}))
     for name in _each(model):
         yield Variant(
             name or "all",
-            changed.plus(mass.unknown("cause_sensor.mass", configurations=name)),
+            partial(_add_sensor, p["mass"], name),
             meaning=f"the mass at the sensor exceeds the stated {stated} by this size" if stated else "",
             remedy=f"correct the stated {stated}: weigh the sensor with its adapter, wax and cable" if stated else "",
         )
+
+
+def _add_sensor(mass: Parameter, configuration: str | None, model: Model) -> Model:
+    """Return the model with the mass of a sensor in one configuration or in all."""
+    # A large structure carries a large sensor.
+    tools = {anatomy.tool for anatomy in model.anatomies}
+    heaviest = max(sum(model.parts(name)[0].mass for name in tool) for tool in tools)
+    largest = max(SENSOR_SHARE * heaviest, mass.plausible[1])
+    mass = replace(mass, plausible=(0.0, largest), upper=max(mass.upper, LARGE_SIZE * largest))
+    return model.with_change(_with_sensors).plus(mass.unknown("cause_sensor.mass", configurations=configuration))
+
+
+def _with_sensors(model: Model) -> Model:
+    return model.map(_with_sensor).with_shared_assemblies()
+
+
+def _with_sensor(observation: Observation) -> Observation:
+    place = observation.response if observation.is_receptance else Coordinate()
+    point = PointMass(mass=0.0, part=place.part, position=place.position, name="cause_sensor")
+    return altered(observation, assembly=with_points(observation.assembly, point))
 
 
 def _mass_at_response(observation: Observation) -> float:
@@ -92,66 +108,61 @@ def _mass_at_response(observation: Observation) -> float:
 
 def _offset(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
-    places = dict.fromkeys(
-        (observation.excitation.part or next(iter(observation.assembly.elements)), observation.excitation.position)
-        for observation in model.witnesses or model.observations
-        if observation.is_receptance and observation.excitation.direction == "y"
-    )
-    found = 0
-    for part, position in places:
-        if position != "end":
-            for variant in _hits_at(p, model, part, float(position)):
-                found += 1
-                yield variant
-    if not found:
+    places = dict.fromkeys(map(_place_of_hit, model.witnesses or model.observations))
+    hits = [(part, float(position)) for part, position in filter(None, places) if position != "end"]
+    if not hits:
         raise UndecidableError("the model cannot move a hit at the far end of a part")
+    for place in hits:
+        part, position = place
+        name = f"on {part} at {1e3 * position:g} mm"
+        sides = {name: 0.0 if position else HIT_STEP}
+        if position and any(abs(other - position) < SAME_PLACE for other in _fixed_places(model, place)):
+            sides = {f"{name}, nearer to the tip": -HIT_STEP, f"{name}, farther from the tip": HIT_STEP}
+        for side, step in sides.items():
+            yield Variant(side, partial(_move_hits, p["distance"], place, step))
 
 
-def _hits_at(p: Mapping[str, Parameter], model: Model, part: str, position: float) -> Iterator[Variant]:
-    """Yield the hits at one place moved along the part; everything else keeps its place.
+def _place_of_hit(observation: Observation) -> tuple[str, float | Literal["end"]] | None:
+    """Return the part and the position of a hit across the axis; None for another measurement."""
+    if not observation.is_receptance or observation.excitation.direction != "y":
+        return None
+    return observation.excitation.part or next(iter(observation.assembly.elements)), observation.excitation.position
+
+
+def _fixed_places(model: Model, place: tuple[str, float]) -> list[float]:
+    """Return the places on a part, in m, that keep their place when the hits at one place move."""
+    others = model.map(partial(_without_hit, place))
+    return sorted({0.0, *others.places(place[0]), *model.steps(place[0])})
+
+
+def _without_hit(place: tuple[str, float], observation: Observation) -> Observation:
+    return altered(observation, excitation=observation.response) if _place_of_hit(observation) == place else observation
+
+
+def _move_hits(distance: Parameter, place: tuple[str, float], side: float, model: Model) -> Model:
+    """Return the model with the hits at one place moved along the part; everything else keeps its place.
 
     The hits are placed on a step between two segments of one section, which the parameter moves. The step may not pass
     a step of the part, nor another coordinate or attachment; where one of these is at the place of the hits, the step
     is beside it, on either side.
     """
+    part, at = place[0], place[1] + side
+    fixed = _fixed_places(model, place)
+    below = max((x for x in fixed if x < at - HIT_BOUND), default=0.0)
+    above = min((x for x in fixed if x > at + HIT_BOUND), default=math.inf)
+    lower = 0.0 if side > 0.0 else max(distance.lower, below - at + HIT_STEP)
+    upper = 0.0 if side < 0.0 else min(distance.upper, above - at - HIT_STEP)
+    if lower >= upper:
+        raise IndescribableError(f"the hits on {part} at {1e3 * place[1]:g} mm have no room to be moved")
+    divided, index = model.split(part, at)
+    lengths = {f"{part}.segment[{index - 1}].length": 1.0, f"{part}.segment[{index}].length": -1.0}
+    return divided.map(partial(_hit_at, place, at)).plus(distance.move(lengths, lower=lower, upper=upper))
 
-    def hit(observation: Observation) -> bool:
-        if not observation.is_receptance or observation.excitation.direction != "y":
-            return False
-        return (
-            observation.excitation.part or next(iter(observation.assembly.elements)),
-            observation.excitation.position,
-        ) == (part, position)
 
-    others = model.map(lambda one: altered(one, excitation=one.response) if hit(one) else one)
-    fixed = sorted({0.0, *others.places(part), *model.steps(part)})
-    beside = (-HIT_STEP, HIT_STEP) if any(abs(x - position) < SAME_PLACE for x in fixed) else (0.0,)
-    for side in beside if position else (HIT_STEP,):
-        at = position + side
-        try:
-            divided, index = model.split(part, at)
-        except ValueError:
-            continue  # the place is not in the same segment of all assemblies
-
-        def change(observation: Observation, at: float = at) -> Observation:
-            return (
-                altered(observation, excitation=replace(observation.excitation, part=part, position=at))
-                if hit(observation)
-                else observation
-            )
-
-        below = max((x for x in fixed if x < at - HIT_BOUND), default=0.0)
-        above = min((x for x in fixed if x > at + HIT_BOUND), default=math.inf)
-        lower = 0.0 if side > 0.0 else max(p["distance"].lower, below - at + HIT_STEP)
-        upper = 0.0 if side < 0.0 else min(p["distance"].upper, above - at - HIT_STEP)
-        if lower >= upper:
-            continue
-        lengths = {f"{part}.segment[{index - 1}].length": 1.0, f"{part}.segment[{index}].length": -1.0}
-        offset = p["distance"].move(lengths, lower=lower, upper=upper)
-        name = f"on {part} at {1e3 * position:g} mm"
-        if side and position:
-            name += ", farther from the tip" if side > 0.0 else ", nearer to the tip"
-        yield Variant(name, divided.map(change).plus(offset), local=True)
+def _hit_at(place: tuple[str, float], at: float, observation: Observation) -> Observation:
+    if _place_of_hit(observation) != place:
+        return observation
+    return altered(observation, excitation=replace(observation.excitation, part=place[0], position=at))
 
 
 def _chain(address: str, p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -159,7 +170,11 @@ def _chain(address: str, p: Mapping[str, Parameter], model: Model) -> Iterator[V
     _require_receptances(model)
     (parameter,) = p.values()
     for name in _each(model):
-        yield Variant(name or "all", model.plus(parameter.unknown(address, configurations=name)))
+        yield Variant(name or "all", partial(_add_unknown, parameter, address, name))
+
+
+def _add_unknown(parameter: Parameter, address: str, configuration: str | None, model: Model) -> Model:
+    return model.plus(parameter.unknown(address, configurations=configuration))
 
 
 def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -171,17 +186,23 @@ def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     at all. This difference is another unit of mass.
     """
     require_no_table(model, "whose frequencies may have the same error")
+    if not model.receptances:
+        yield Variant("in natural frequencies", partial(_scale_time, p["log_scale"], 2.0))
+        return
+    for number, recorded in enumerate(_RECORDED):
+        yield Variant(f"in {recorded}", partial(_scale_time, p["log_scale"], 2.0 - number))
+
+
+def _scale_time(scale: Parameter, mass: float, model: Model) -> Model:
+    """Return the model in another unit of time, with a unit of mass that changes by a power of it."""
     addresses = dict.fromkeys(
         re.sub(r"segment\[\d+\]", "segment[*]", address)
         for observation in model.observations
         for address in observation.assembly.parameters
     )
     powers = {address: _POWERS[QUANTITIES[address.rpartition(".")[2]].unit] for address in addresses}
-    frfs = bool(model.receptances)
-    for number, recorded in enumerate(_RECORDED if frfs else _RECORDED[:1]):
-        moves = {address: time + (2.0 - number) * mass for address, (mass, time) in powers.items()}
-        scale = p["log_scale"].move({address: n for address, n in moves.items() if n}, relative=True)
-        yield Variant(f"in {recorded}" if frfs else "in natural frequencies", model.plus(scale))
+    moves = {address: of_time + mass * of_mass for address, (of_mass, of_time) in powers.items()}
+    return model.plus(scale.move({address: n for address, n in moves.items() if n}, relative=True))
 
 
 def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -189,31 +210,39 @@ def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     require_no_table(model, f"{_NOT_COMPLEX}, or repeat one measurement without a window")
     recorded = _RECORDED[::-1]
     for name, address in zip(recorded, DECAY_RATES, strict=True):
-        yield Variant(f"on {name}", model.plus(p["decay_rate"].unknown(address)))
+        yield Variant(f"on {name}", partial(_add_unknown, p["decay_rate"], address, None))
     # For a single configuration the kind of the record makes little difference.
     for place in _each(model)[1:]:
-        unknown = p["decay_rate"].unknown(next(iter(DECAY_RATES)), configurations=place)
-        yield Variant(f"on {recorded[0]}, {place}", model.plus(unknown))
+        change = partial(_add_unknown, p["decay_rate"], next(iter(DECAY_RATES)), place)
+        yield Variant(f"on {recorded[0]}, {place}", change)
 
 
 def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    what = "holder" if model.joints else "structure"
+    for share in SUSPENSION_PLACES:
+        name = f"at {100 * share:.0f} % of the {what}"
+        yield Variant(name, partial(_hang, share, p["stiffness"]))
+        # Without the damping of a rope another cause would explain its loss.
+        yield Variant(f"{name}, with a loss", partial(_hang, share, p["stiffness"], damping=p["damping"]))
+
+
+def _hanging(model: Model) -> dict[str, float]:
+    """Return the parts that hang, of the holder or of a structure without a joint, and their lengths in m."""
     if model.in_spindle:
         raise UndecidableError("the holder is in a spindle, so that nothing hangs")
     require_beams(model)
-    # A structure without a joint hangs as a whole.
     hanging = {anatomy.holder or anatomy.tool for anatomy in model.anatomies}
     if len(hanging) != 1:
         raise UndecidableError("the model has several holders")
-    lengths = {name: model.parts(name)[0].length for name in hanging.pop()}
-    what = "holder" if model.joints else "structure"
-    for share in SUSPENSION_PLACES:
-        part, position = _at(lengths, share)
-        spring = GroundSpring(part=part, position=position, name="cause_rope")
-        name = f"at {100 * share:.0f} % of the {what}"
-        hung = model.attach(spring).plus(p["stiffness"].unknown("cause_rope.k_y"))
-        yield Variant(name, hung)
-        # Without the damping of a rope another cause would explain its loss.
-        yield Variant(f"{name}, with a loss", hung.plus(p["damping"].unknown("cause_rope.c_y")))
+    return {name: model.parts(name)[0].length for name in hanging.pop()}
+
+
+def _hang(share: float, stiffness: Parameter, model: Model, damping: Parameter | None = None) -> Model:
+    """Return the model on a rope at a share of the length of the parts that hang."""
+    part, position = _at(_hanging(model), share)
+    spring = GroundSpring(part=part, position=position, name="cause_rope")
+    hung = model.with_change(Model.attach, spring).plus(stiffness.unknown("cause_rope.k_y"))
+    return hung if damping is None else hung.plus(damping.unknown("cause_rope.c_y"))
 
 
 def _at(lengths: Mapping[str, float], share: float) -> tuple[str, float | Literal["end"]]:
@@ -230,12 +259,6 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
     stated = dict.fromkeys(observation.form for observation in model.receptances)
     for order in (1, 2, -1, -2):
-
-        def change(observation: Observation, order: int = order) -> Observation:
-            return altered(
-                observation, receptance=observation.receptance / (2j * np.pi * observation.frequency_hz) ** order
-            )
-
         actual = [_quantity_of(FORMS.index(form) + order) for form in stated]
         how = "differentiated" if order > 0 else "integrated"
         form = (
@@ -245,31 +268,38 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         )
         yield Variant(
             f"{how} {_TIMES[abs(order)]} more than stated",
-            model.map_receptances(change),
+            partial(Model.map_receptances, change=partial(_integrate, order)),
             meaning=f"the files say {' and '.join(stated)}, and the data are {' and '.join(actual)}",
             remedy=f"{form}in a campaign the line `integrate = {order}` in the tables of these measurements (a number "
             "that is there already is added to it)",
         )
 
 
+def _integrate(order: int, record: Observation) -> Observation:
+    return altered(record, receptance=record.receptance / (2j * np.pi * record.frequency_hz) ** order)
+
+
 def _polarity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
-    yield Variant("all", model.map_receptances(lambda record: altered(record, receptance=-record.receptance)))
+    yield Variant("all", partial(Model.map_receptances, change=_reverse))
     records = [observation for observation in model.witnesses or model.observations if observation.is_receptance]
     places = dict.fromkeys(map(_sensor_place, records))
     for place in places if len(places) > 1 else ():
-
-        def change(observation: Observation, place: tuple[str, float | Literal["end"]] = place) -> Observation:
-            reverse = _sensor_place(observation) == place
-            return altered(observation, receptance=-observation.receptance) if reverse else observation
-
         part, position = place
         name = f"sensor on {part} at " + (position if isinstance(position, str) else f"{1e3 * position:g} mm")
         yield Variant(
             name,
-            model.map_receptances(change),
+            partial(Model.map_receptances, change=partial(_reverse_at, place)),
             meaning=f"the {name} points the other way: its FRFs have the wrong sign, those of other places have not",
         )
+
+
+def _reverse(record: Observation) -> Observation:
+    return altered(record, receptance=-record.receptance)
+
+
+def _reverse_at(place: tuple[str, float | Literal["end"]], record: Observation) -> Observation:
+    return _reverse(record) if _sensor_place(record) == place else record
 
 
 def _sensor_place(observation: Observation) -> tuple[str, float | Literal["end"]]:
@@ -289,16 +319,29 @@ def _quantity_of(order: int) -> str:
 def _truncation(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
     require_no_table(model, f"{_NOT_COMPLEX}, or record until the structure is at rest")
-    end = model.truncation
-    if end is None:
-        raise UndecidableError("no record breaks off while the structure still rings: the lines are close enough")
-    ended = model.map_receptances(lambda one: one if one.force is not None else altered(one, ends=end))
-    low, high = 0.8 * end, 1.1 * end
-    unknown = replace(p["end"], typical=end).unknown(END, lower=low, upper=high)
+    end = _end_of_records(model)
+    low, high = _EARLIEST * end, _LATEST * end
     # Chi-square has a minimum in each period of the highest frequency, and the lines show the end less accurately.
     highest = max(float(observation.frequency_hz.real.max()) for observation in model.receptances)
     ends = np.linspace(low, high, min(2 + int(2.0 * highest * (high - low)), SCANNED_ENDS))
-    yield Variant("records end too early", ended.plus(unknown), scan={unknown.name: ends.tolist()})
+    yield Variant("records end too early", partial(_truncate, p["end"]), scan={p["end"].key: ends.tolist()})
+
+
+def _end_of_records(model: Model) -> float:
+    if model.truncation is None:
+        raise UndecidableError("no record breaks off while the structure still rings: the lines are close enough")
+    return model.truncation
+
+
+def _truncate(parameter: Parameter, model: Model) -> Model:
+    end = _end_of_records(model)
+    unknown = replace(parameter, typical=end).unknown(END, lower=_EARLIEST * end, upper=_LATEST * end)
+    return model.map_receptances(partial(_end_at, end)).plus(unknown)
+
+
+def _end_at(time: float, record: Observation) -> Observation:
+    # A stepped sine has no end.
+    return record if record.force is not None else altered(record, ends=time)
 
 
 MEASUREMENT_CAUSES = (

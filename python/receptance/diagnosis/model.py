@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -269,6 +269,19 @@ class Model:
             tolerances=tuple(t for t in self.tolerances if observed(tuple(t.moves), t.configurations, t.labels)),
         )
 
+    def with_change(self, change: Callable[..., Model], *arguments: Hashable) -> Model:
+        """Return `change(model, *arguments)`, the same model each time.
+
+        Variants that share a change share its model, which is then prepared and evaluated once.
+        """
+        if (change, arguments) not in self._changed:
+            self._changed[change, arguments] = change(self, *arguments)
+        return self._changed[change, arguments]
+
+    @cached_property
+    def _changed(self) -> dict[tuple[Callable[..., Model], tuple[Hashable, ...]], Model]:
+        return {}
+
     def rebuild(self, build: Callable[[Assembly], Assembly]) -> Model:
         """Return the model with every assembly changed."""
         # Records of one configuration share their assembly before and after.
@@ -372,6 +385,20 @@ def require_beams(model: Model) -> None:
             "measured has no place in the model; measure the holder again",
             DATA_HOLDER,
         )
+
+
+def require_joint(model: Model) -> None:
+    """Raise `UndecidableError` if no assembly has a joint between tool and holder."""
+    if not model.joints:
+        raise UndecidableError("the model has no joint between tool and holder")
+
+
+def far_end(model: Model) -> str:
+    """Return the last part of the holder, the same in all assemblies; raises `UndecidableError` where there is none."""
+    parts = {anatomy.holder[-1] for anatomy in model.anatomies if anatomy.holder}
+    if len(parts) != 1:
+        raise UndecidableError("the model has no holder, or several")
+    return parts.pop()
 
 
 def require_no_table(model: Model, reason: str) -> None:

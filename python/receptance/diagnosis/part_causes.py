@@ -6,10 +6,17 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 
 from receptance.diagnosis.causes import Cause, Parameter, Variant
-from receptance.diagnosis.model import Model, UndecidableError, places_on, require_beams
+from receptance.diagnosis.model import (
+    IndescribableError,
+    Model,
+    UndecidableError,
+    far_end,
+    places_on,
+    require_beams,
+    require_joint,
+)
 from receptance.diagnosis.thresholds import (
     DRAWING,
     FLUTE_ROOM,
@@ -20,6 +27,7 @@ from receptance.diagnosis.thresholds import (
     ORDINARY_DRAWING,
     ORDINARY_MODULUS,
     RIGID_MODULUS,
+    SAME_PLACE,
     SHORTENED,
     TIP_STEP,
 )
@@ -27,7 +35,7 @@ from receptance.fit.unknowns import Prior, covered
 from receptance.model.addresses import edges_of
 from receptance.model.anatomy import overhang_of
 from receptance.model.assembly import Assembly
-from receptance.model.beams import Part
+from receptance.model.beams import Material, Part
 from receptance.model.joints import PointMass
 
 
@@ -55,13 +63,12 @@ def _everywhere(model: Model, side: str, field: str) -> list[str]:
 
 
 def _scaled(side: str, field: str, p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    """Yield the model with a property of a whole side multiplied by a factor."""
+    """Yield a property of a whole side multiplied by a factor, whose logarithm is the parameter."""
     (parameter,) = p.values()
-    yield Variant(f"all of the {side}", _scale(parameter, model, side, field))
+    yield Variant(f"all of the {side}", partial(_scale, side, field, parameter))
 
 
-def _scale(parameter: Parameter, model: Model, side: str, field: str) -> Model:
-    """Return the model with a property of a side multiplied by a factor, whose logarithm is the parameter."""
+def _scale(side: str, field: str, parameter: Parameter, model: Model) -> Model:
     moves = dict.fromkeys(_everywhere(model, side, field), 1.0)
     if any(model.has(address) for address in moves):
         raise UndecidableError(f"{field} of the {side} is an unknown of the model already")
@@ -69,63 +76,85 @@ def _scale(parameter: Parameter, model: Model, side: str, field: str) -> Model:
 
 
 def _holder_inertia(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    yield Variant("density", _scale(p["log_density"], model, "holder", "density"))
-    last = dict.fromkeys(anatomy.holder[-1] for anatomy in model.anatomies if anatomy.holder)
-    for name in last if len(last) == 1 else ():
-        point = PointMass(mass=0.0, part=name, position="end", name="cause_end_mass")
-        yield Variant("mass at the far end", model.attach(point).plus(p["mass"].unknown("cause_end_mass.mass")))
+    yield Variant("density", partial(_scale, "holder", "density", p["log_density"]))
+    yield Variant("mass at the far end", partial(_add_end_mass, p["mass"]))
+
+
+def _add_end_mass(mass: Parameter, model: Model) -> Model:
+    require_beams(model)
+    point = PointMass(mass=0.0, part=far_end(model), position="end", name="cause_end_mass")
+    return model.attach(point).plus(mass.unknown("cause_end_mass.mass"))
 
 
 def _overhang(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    by_configuration: dict[str, list[str]] = {}
-    rooms: dict[str, float] = {}
+    require_joint(model)
+    pairs = zip(model.observations, model.anatomies, strict=True)
+    if any(model.has(overhang_of(observation.assembly, anatomy)) for observation, anatomy in pairs if anatomy.joint):
+        raise UndecidableError("the overhang is an unknown of the model already")
+    yield Variant("all", partial(_lengthen, p["length"], None))
+    joints = zip(model.configuration_of, model.anatomies, strict=True)
+    names = dict.fromkeys(name for name, anatomy in joints if anatomy.joint)
+    for name in names if len(names) > 1 else ():
+        yield Variant(name, partial(_lengthen, p["length"], name))
+
+
+def _lengthen(length: Parameter, configuration: str | None, model: Model) -> Model:
+    """Return the model with an error of the overhang, of one configuration or the same of all."""
+    addresses: set[str] = set()
+    room = math.inf
     for name, observation, anatomy in zip(model.configuration_of, model.observations, model.anatomies, strict=True):
-        if anatomy.joint:
+        if anatomy.joint and configuration in (None, name):
             part = anatomy.tool[-1]
-            by_configuration.setdefault(name, []).append(overhang_of(observation.assembly, anatomy))
+            addresses.add(overhang_of(observation.assembly, anatomy))
             # The tool cannot become shorter than up to the last place on it.
             *before, end = edges_of(observation.assembly.elements[part])
             used = max([before[-1], *places_on(observation, part)])
-            rooms[name] = min(rooms.get(name, math.inf), SHORTENED * (end - used))
-    addresses = {address for own in by_configuration.values() for address in own}
+            room = min(room, SHORTENED * (end - used))
     if not addresses:
-        raise UndecidableError("the model has no joint between tool and holder")
-    if any(model.has(address) for address in addresses):
-        raise UndecidableError("the overhang is an unknown of the model already")
-
-    def lengthen(own: Sequence[str], room: float, configurations: str | None) -> Model:
-        lower = max(p["length"].lower, -room)
-        return model.plus(p["length"].move(dict.fromkeys(own, 1.0), configurations=configurations, lower=lower))
-
-    yield Variant("all", lengthen(sorted(addresses), min(rooms.values()), None))
-    for name, own in by_configuration.items() if len(by_configuration) > 1 else ():
-        yield Variant(name, lengthen(own, rooms[name], name))
+        raise UndecidableError(f"{configuration or 'the model'} has no joint between tool and holder")
+    moves, lower = dict.fromkeys(sorted(addresses), 1.0), max(length.lower, -room)
+    return model.plus(length.move(moves, configurations=configuration, lower=lower))
 
 
 def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     tip = model.tip
     parts = model.parts(tip)
-    first = f"{tip}.segment[0]"
     if any(len(part.segments) > 1 for part in parts):
-        diameter = _up_to_full(p["log_diameter"], parts)
-        yield Variant("first section", model.plus(diameter.move({f"{first}.outer_diameter": 1.0}, relative=True)))
+        yield Variant("first section", partial(_thin_first_section, p["log_diameter"]))
         return
-    shortest = min(part.segments[0].length for part in parts)
-    longest = 0.95 * shortest
     # The end of the flutes cannot pass a place on the tool, so it lies between two of them.
-    places = [place for place in model.places(tip) if 0.0 < place < longest]
-    for low, high in pairwise([0.0, *places, longest]):
-        if high - low < FLUTE_ROOM:
-            continue
-        divided, _ = model.split(tip, low + TIP_STEP)
-        moves = {f"{first}.length": 1.0, f"{tip}.segment[1].length": -1.0}
-        beyond = f"beyond {1e3 * low:g} mm" if low else ""
-        room = high - low - (2.0 * TIP_STEP if high < longest else 0.0)
-        lower = 0.0 if low else min(p["length"].lower, 0.1 * room)
-        length = p["length"].move(moves, part=beyond, lower=lower, upper=room, start=0.5 * room)
-        diameter_moved = p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True)
-        name = "from the tip" + (f", ending {beyond}" if low else "")
-        yield Variant(name, divided.plus(diameter_moved, length), local=bool(places))
+    for low in (0.0, *(place for place in model.places(tip) if 0.0 < place < _longest_flutes(parts))):
+        name = "from the tip" + (f", ending beyond {1e3 * low:g} mm" if low else "")
+        yield Variant(name, partial(_thin_up_to_flutes, p, low))
+
+
+def _thin_first_section(diameter: Parameter, model: Model) -> Model:
+    parts = model.parts(model.tip)
+    if all(len(part.segments) == 1 for part in parts):
+        raise IndescribableError("the tool has one section")
+    moves = {f"{model.tip}.segment[0].outer_diameter": 1.0}
+    return model.plus(_up_to_full(diameter, parts).move(moves, relative=True))
+
+
+def _longest_flutes(parts: Sequence[Part]) -> float:
+    return 0.95 * min(part.segments[0].length for part in parts)
+
+
+def _thin_up_to_flutes(p: Mapping[str, Parameter], low: float, model: Model) -> Model:
+    """Return the model with flutes from the tip, that end between a place on the tool and the next one."""
+    tip = model.tip
+    longest = _longest_flutes(model.parts(tip))
+    high = min([longest, *(place for place in model.places(tip) if place > low + SAME_PLACE)])
+    if high - low < FLUTE_ROOM:
+        raise IndescribableError(f"flutes cannot end beyond {1e3 * low:g} mm on {tip}")
+    divided, _ = model.split(tip, low + TIP_STEP)
+    first = f"{tip}.segment[0]"
+    beyond = f"beyond {1e3 * low:g} mm" if low else ""
+    room = high - low - (2.0 * TIP_STEP if high < longest else 0.0)
+    lower = 0.0 if low else min(p["length"].lower, 0.1 * room)
+    moves = {f"{first}.length": 1.0, f"{tip}.segment[1].length": -1.0}
+    length = p["length"].move(moves, part=beyond, lower=lower, upper=room, start=0.5 * room)
+    return divided.plus(p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True), length)
 
 
 def _up_to_full(diameter: Parameter, parts: Sequence[Part]) -> Parameter:
@@ -136,20 +165,29 @@ def _up_to_full(diameter: Parameter, parts: Sequence[Part]) -> Parameter:
 
 
 def _flexible(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    rigid = dict.fromkeys(
-        address
-        for observation in model.observations
-        for address in observation.assembly.parameters
-        if address.endswith(".youngs_modulus") and observation.assembly.get(address) >= RIGID_MODULUS
-    )
-    by_part: dict[str, list[str]] = {}
-    for address in rigid:
-        by_part.setdefault(address.partition(".")[0], []).append(address)
-    if not by_part:
+    rigid = _rigid_moduli(model)
+    if not rigid:
         raise UndecidableError("no part is described as rigid")
-    for name, own in by_part.items():
-        decades = p["decades"].move(dict.fromkeys(own, math.log(10.0)), relative=True)
-        yield Variant(name, model.rebuild(partial(_make_of_metal, own)).plus(decades))
+    for name in rigid:
+        yield Variant(name, partial(_make_elastic, name, p["decades"]))
+
+
+def _rigid_moduli(model: Model) -> dict[str, dict[str, None]]:
+    """Return the addresses of the moduli of rigid bodies by part."""
+    by_part: dict[str, dict[str, None]] = {}
+    for observation in model.observations:
+        for address in observation.assembly.parameters:
+            if address.endswith(".youngs_modulus") and observation.assembly.get(address) >= RIGID_MODULUS:
+                by_part.setdefault(address.partition(".")[0], {})[address] = None
+    return by_part
+
+
+def _make_elastic(part: str, decades: Parameter, model: Model) -> Model:
+    moduli = _rigid_moduli(model).get(part)
+    if not moduli:
+        raise UndecidableError(f"{part} is not described as rigid")
+    changed = model.rebuild(partial(_make_of_metal, list(moduli)))
+    return changed.plus(decades.move(dict.fromkeys(moduli, math.log(10.0)), relative=True))
 
 
 def _make_of_metal(addresses: list[str], assembly: Assembly) -> Assembly:
@@ -158,20 +196,22 @@ def _make_of_metal(addresses: list[str], assembly: Assembly) -> Assembly:
 
 
 def _shear(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    ratios = [
+    yield Variant("all parts", partial(_move_ratios, p["poisson_ratio"]))
+
+
+def _move_ratios(ratio: Parameter, model: Model) -> Model:
+    stated = [
         observation.assembly.get(address)
         for observation in model.observations
         for address in observation.assembly.parameters
         if address.endswith(".poisson_ratio")
     ]
     sides = [side for side in ("tool", "holder") if any(getattr(a, side) for a in model.anatomies)]
-    moved = [address for side in sides for address in _everywhere(model, side, "poisson_ratio")]
-    lower = max(p["poisson_ratio"].lower, -0.98 - min(ratios))
-    upper = min(p["poisson_ratio"].upper, 0.499 - max(ratios))
+    moves = {address: 1.0 for side in sides for address in _everywhere(model, side, "poisson_ratio")}
+    lower, upper = max(ratio.lower, -0.98 - min(stated)), min(ratio.upper, 0.499 - max(stated))
     if lower >= 0.0 or upper <= 0.0:
         raise UndecidableError("Poisson's ratio is at its limit")
-    ratio = p["poisson_ratio"].move(dict.fromkeys(moved, 1.0), lower=lower, upper=upper)
-    yield Variant("all parts", model.plus(ratio))
+    return model.plus(ratio.move(moves, lower=lower, upper=upper))
 
 
 @dataclass(frozen=True)
@@ -189,6 +229,10 @@ class ToolMaterial:
     """Standard deviation of the natural logarithm over the grades of the class."""
     density_scatter: float
     """Standard deviation of the natural logarithm over the grades of the class."""
+
+    def relative_to(self, stated: Material) -> tuple[float, float]:
+        """Return the natural logarithms of modulus and density over those of a stated material."""
+        return math.log(self.youngs_modulus / stated.youngs_modulus), math.log(self.density / stated.density)
 
 
 TOOL_MATERIALS = (
@@ -214,40 +258,47 @@ aluminium
 
 
 def _other_material(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    addresses = {field: _everywhere(model, "tool", field) for field in ("youngs_modulus", "density", "poisson_ratio")}
-    if any(model.has(address) for own in addresses.values() for address in own):
+    fields = ("youngs_modulus", "density", "poisson_ratio")
+    if any(model.has(address) for field in fields for address in _everywhere(model, "tool", field)):
         raise UndecidableError("modulus or density of the tool is an unknown of the model already")
-    parts = dict.fromkeys(name for anatomy in model.anatomies for name in anatomy.tool)
-    stated = {
-        (segment.material.youngs_modulus, segment.material.density, segment.material.poisson_ratio)
-        for name in parts
-        for part in model.parts(name)
-        for segment in part.segments
-    }
-    if len(stated) > 1:
-        raise UndecidableError("the tool is made of several materials")
-    ((modulus, density, ratio),) = stated
-    if modulus > RIGID_MODULUS:
-        raise UndecidableError("the tool is described as rigid; the cause flexible_body gives it a modulus")
+    stated = _stated_material(model)
     for material in TOOL_MATERIALS:
-        log_modulus, log_density = math.log(material.youngs_modulus / modulus), math.log(material.density / density)
+        log_modulus, log_density = material.relative_to(stated)
         if abs(log_modulus) <= ORDINARY_MODULUS and abs(log_density) <= ORDINARY_DENSITY:
             continue  # the stated material; smaller deviations are tool_modulus and tool_density
-        moduli = dict.fromkeys(addresses["youngs_modulus"], 1.0)
-        densities = dict.fromkeys(addresses["density"], 1.0)
-        # Poisson's ratio changes in proportion to the property that changes most, and reaches that of the material.
-        leading, most = (moduli, log_modulus) if abs(log_modulus) >= abs(log_density) else (densities, log_density)
-        if ratio > 0.0:
-            leading |= dict.fromkeys(addresses["poisson_ratio"], math.log(material.poisson_ratio / ratio) / most)
-        of_modulus = _expect(p["log_modulus"], log_modulus, material.modulus_scatter)
-        of_density = _expect(p["log_density"], log_density, material.density_scatter)
         yield Variant(
             material.name,
-            model.plus(of_modulus.move(moduli, relative=True), of_density.move(densities, relative=True)),
-            meaning=f"the tool is of {material.name}, and the model has a material with {1e-9 * modulus:.0f} GPa and "
-            f"{density:.0f} kg/m3",
+            partial(_use_material, material, p),
+            meaning=f"the tool is of {material.name}, and the model has a material with "
+            f"{1e-9 * stated.youngs_modulus:.0f} GPa and {stated.density:.0f} kg/m3",
             remedy=f"weigh the tool; if it is of {material.name}, give it that material in the model",
         )
+
+
+def _stated_material(model: Model) -> Material:
+    """Return the material of the tool, of which the elastic properties and the density are those of all its parts."""
+    parts = dict.fromkeys(name for anatomy in model.anatomies for name in anatomy.tool)
+    materials = [segment.material for name in parts for part in model.parts(name) for segment in part.segments]
+    if len({(material.youngs_modulus, material.density, material.poisson_ratio) for material in materials}) > 1:
+        raise UndecidableError("the tool is made of several materials")
+    if materials[0].youngs_modulus > RIGID_MODULUS:
+        raise UndecidableError("the tool is described as rigid; the cause flexible_body gives it a modulus")
+    return materials[0]
+
+
+def _use_material(material: ToolMaterial, p: Mapping[str, Parameter], model: Model) -> Model:
+    stated = _stated_material(model)
+    log_modulus, log_density = material.relative_to(stated)
+    moduli = dict.fromkeys(_everywhere(model, "tool", "youngs_modulus"), 1.0)
+    densities = dict.fromkeys(_everywhere(model, "tool", "density"), 1.0)
+    # Poisson's ratio changes in proportion to the property that changes most, and reaches that of the material.
+    leading, most = (moduli, log_modulus) if abs(log_modulus) >= abs(log_density) else (densities, log_density)
+    if stated.poisson_ratio > 0.0:
+        change = math.log(material.poisson_ratio / stated.poisson_ratio) / most
+        leading |= dict.fromkeys(_everywhere(model, "tool", "poisson_ratio"), change)
+    of_modulus = _expect(p["log_modulus"], log_modulus, material.modulus_scatter)
+    of_density = _expect(p["log_density"], log_density, material.density_scatter)
+    return model.plus(of_modulus.move(moduli, relative=True), of_density.move(densities, relative=True))
 
 
 def _expect(parameter: Parameter, target: float, scatter: float) -> Parameter:

@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance.diagnosis.causes import Cause, Parameter, Step, Variant, parameters_of
+from receptance.diagnosis.causes import Cause, Parameter, Variant, parameters_of
 from receptance.diagnosis.fitting import Fit
-from receptance.diagnosis.model import UndecidableError
+from receptance.diagnosis.model import Model, UndecidableError
 from receptance.diagnosis.tangents import slopes_of
 from receptance.diagnosis.thresholds import (
     CHANCE_DRAWS,
@@ -35,8 +35,9 @@ from receptance.fit.covariance import square_root
 class Direction:
     """The linear effect of a variant of a cause on the residuals of a fit without it."""
 
-    cause: Cause
     variant: Variant
+    model: Model
+    """The model of the fit with the variant."""
     parameters: dict[str, Parameter]
     """Its parameters by the names of their unknowns."""
     slopes: NDArray[np.float64]
@@ -48,6 +49,11 @@ class Direction:
     """Predicted decrease of chi-square."""
     estimate: dict[str, float]
     """Values of the visible parameters at that decrease."""
+
+    @property
+    def cause(self) -> Cause:
+        """The cause."""
+        return self.variant.cause
 
     @property
     def count(self) -> int:
@@ -78,34 +84,28 @@ class Direction:
         change = self.slopes @ np.array([0.0 if one.secondary else one.typical - one.null for one in own])
         return float(change @ change)
 
-    @property
-    def step(self) -> Step:
-        """The cause and the name of its variant."""
-        return Step(self.cause, self.variant.name)
-
-    def is_of(self, id: str, variant: str) -> bool:
-        """Return whether it is that of a variant, by the id of its cause and its name."""
-        return self.cause.id == id and self.variant.name == variant
-
     def predicted_evidence(self, penalty: float) -> float:
         """Return the predicted evidence: the score less the penalty of its parameters."""
         return self.score - penalty * self.count
 
 
-def list_variants(fit: Fit, causes: Sequence[Cause]) -> tuple[list[tuple[Cause, Variant]], dict[str, UndecidableError]]:
-    """Return the variants of causes that apply to a fitted model, and the reasons why other causes are undecidable."""
-    found: list[tuple[Cause, Variant]] = []
+def list_variants(fit: Fit, causes: Sequence[Cause]) -> tuple[list[tuple[Variant, Model]], dict[str, UndecidableError]]:
+    """Return the variants of causes that apply to a fitted model, each with its model, and undecidable causes.
+
+    The second result has the reasons by the ids of the causes.
+    """
+    extensions: list[tuple[Variant, Model]] = []
     undecidable: dict[str, UndecidableError] = {}
     inadequate = not fit.adequacy.passed
     for cause in causes:
         try:
-            variants = cause.variants(fit.model)
+            extended = cause.extensions(fit.model)
         except UndecidableError as error:
             undecidable[cause.id] = error
             continue
         if (inadequate or not cause.large) and (not cause.changes_data or _is_other_quantity(fit)):
-            found += [(one.describe(cause), one) for one in variants]
-    return found, undecidable
+            extensions += extended
+    return extensions, undecidable
 
 
 def _is_other_quantity(fit: Fit) -> bool:
@@ -118,18 +118,20 @@ def _is_other_quantity(fit: Fit) -> bool:
     return bool(errors) and max(errors) > OTHER_QUANTITY
 
 
-def directions(fit: Fit, variants: Sequence[tuple[Cause, Variant]], threads: int | None = 1) -> list[Direction]:
-    """Return the linear effect of each variant on a fit; `threads` as in `Assembly.receptance`."""
+def directions(fit: Fit, extensions: Sequence[tuple[Variant, Model]], threads: int | None = 1) -> list[Direction]:
+    """Return the linear effect on a fit of each variant, with its model; `threads` as in `Assembly.receptance`."""
     basis = fit.basis
     rest = fit.residual - basis @ (basis.T @ fit.residual)
     before = {unknown.name for unknown in fit.model.unknowns}
-    parameters = [parameters_of(u for u in one.model.unknowns if u.name not in before) for _, one in variants]
-    seen = [i for i, (cause, one) in enumerate(variants) if parameters[i] and not (one.far or cause.changes_data)]
-    found = slopes_of(fit, [variants[i][1].model for i in seen], threads)
-    effects = dict(zip(seen, _after_a_refit(found, basis, rest), strict=True))
-    return [
-        _direction((cause, variant), parameters[i], effects.get(i), rest) for i, (cause, variant) in enumerate(variants)
+    parameters = [parameters_of(u for u in model.unknowns if u.name not in before) for _, model in extensions]
+    seen = [
+        i
+        for i, (variant, _) in enumerate(extensions)
+        if parameters[i] and not (variant.far or variant.cause.changes_data)
     ]
+    found = slopes_of(fit, [extensions[i][1] for i in seen], threads)
+    effects = dict(zip(seen, _after_a_refit(found, basis, rest), strict=True))
+    return [_direction(extension, parameters[i], effects.get(i), rest) for i, extension in enumerate(extensions)]
 
 
 class _Effect(NamedTuple):
@@ -167,13 +169,13 @@ def _after_a_refit(
 
 
 def _direction(
-    of: tuple[Cause, Variant],
+    extension: tuple[Variant, Model],
     parameters: dict[str, Parameter],
     effect: _Effect | None,
     rest: NDArray[np.float64],
 ) -> Direction:
     """Return the linear effect of a variant from the derivatives of the residuals, if there are any."""
-    empty = Direction(*of, parameters, np.zeros((rest.size, 0)), False, 0.0, {})
+    empty = Direction(*extension, parameters, np.zeros((rest.size, 0)), False, 0.0, {})
     if effect is None:
         return empty
     is_visible = effect.norms > INVISIBLE * max(float(effect.norms.max(initial=0.0)), 1e-300)
@@ -186,7 +188,7 @@ def _direction(
         solution = -products / np.square(effect.norms[is_visible])
     else:
         solution, *_ = np.linalg.lstsq(slopes, -rest, rcond=1e-10)
-    starts = {u.name: float(u.start or 0.0) for u in of[1].model.unknowns if u.name in parameters}
+    starts = {u.name: float(u.start or 0.0) for u in extension[1].unknowns if u.name in parameters}
     visible = {name: one for (name, one), yes in zip(parameters.items(), is_visible, strict=True) if yes}
     only = next(iter(visible.values()))
     one_sided = len(visible) == 1 and only.one_sided
@@ -194,7 +196,7 @@ def _direction(
     if one_sided and (solution[0] < 0.0) == (only.null == only.lower):
         solution, score = np.zeros(1), 0.0
     estimate = _estimate(visible, starts, dict(zip(visible, map(float, solution), strict=True)))
-    return Direction(*of, parameters, slopes, one_sided, score, estimate)
+    return Direction(*extension, parameters, slopes, one_sided, score, estimate)
 
 
 def _estimate(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from receptance import _checks
 from receptance.diagnosis.alternatives import ALTERNATIVES
-from receptance.diagnosis.causes import Cause, Step, extend, parameters_of
+from receptance.diagnosis.causes import Cause, Variant, extend, parameters_of
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
 from receptance.diagnosis.fitting import (
     Exploration,
@@ -120,7 +120,7 @@ def select(
     )
     if not interrupted:
         if known is not None:
-            selection.add(selection.explain(known.steps, known.fit))
+            selection.add(selection.explain(known.variants, known.fit))
         search = Search(selection, causes, most=most, progress=report)
         again = search.screen(model, choose_modes)
         if again is None:
@@ -195,7 +195,7 @@ class Search:
             if choose is not None and not base.adequacy.passed and not any(one.passed for one in own.explanations):
                 least = LEAST_SHARE * (base.chi_square - base.expected_chi_square)
                 leading = [single for single in own.singles[:LEADING_CAUSES] if single.gain >= least]
-                return self._beside_modes(model, [(single.steps[0], single.fit) for single in leading], choose)
+                return self._beside_modes(model, [(single.variants[0], single.fit) for single in leading], choose)
         except KeyboardInterrupt:
             own.interrupted = True
         return None
@@ -207,36 +207,35 @@ class Search:
             self.selection.base = fit
         return self.selection.base
 
-    def _lead_with_any_spindle(self) -> list[tuple[Step, Fit]]:
+    def _lead_with_any_spindle(self) -> list[tuple[Variant, Fit]]:
         """Return the causes that take most of the misfit whatever the spindle is, each with its sizes."""
         base = self.selection.base
         without = with_any_spindle(base.model)
         if without is None:
             return []
-        variants, _ = list_variants(base, self._causes)
-        steps = [Step(cause, variant.name) for cause, variant in variants]
-        self._report.plan("causes", len(steps))
+        extensions, _ = list_variants(base, self._causes)
+        self._report.plan("causes", len(extensions))
         # A change of the data has no start near that of the data as they are.
         fits = [
-            partial(with_any_spindle, variant.model, None if cause.changes_data else without)
-            for cause, variant in variants
+            partial(with_any_spindle, model, None if variant.cause.changes_data else without)
+            for variant, model in extensions
         ]
-        titles = [f"{_title(step)}, whatever the spindle is" for step in steps]
+        titles = [f"{_title(variant)}, whatever the spindle is" for variant, _ in extensions]
         least = LEAST_SHARE * (without.chi_square - without.expected)
-        gains: list[tuple[float, Step, Fit]] = []
-        for step, (_, variant), end in zip(steps, variants, self._each("causes", titles, fits), strict=True):
+        gains: list[tuple[float, Variant, Fit]] = []
+        for (variant, model), end in zip(extensions, self._each("causes", titles, fits), strict=True):
             if end is None or without.chi_square - end.chi_square < least:
                 continue
-            count = sum(parameter.penalised for parameter in parameters_of(variant.model.unknowns).values())
+            count = sum(parameter.penalised for parameter in parameters_of(model.unknowns).values())
             gain = without.chi_square - end.chi_square - self.selection.penalty * count
-            gains.append((gain, step, evaluate(variant.model, {**base.values, **end.values})))
-        leading: dict[str, tuple[Step, Fit]] = {}
-        for _, step, fit in sorted(gains, key=lambda each: -each[0]):
-            leading.setdefault(step.cause.id, (step, fit))
+            gains.append((gain, variant, evaluate(model, {**base.values, **end.values})))
+        leading: dict[str, tuple[Variant, Fit]] = {}
+        for _, variant, fit in sorted(gains, key=lambda each: -each[0]):
+            leading.setdefault(variant.cause.id, (variant, fit))
         return list(leading.values())[:LEADING_CAUSES]
 
     def _beside_modes(
-        self, model: Model, candidates: Sequence[tuple[Step, Fit]], choose: ChooseModes
+        self, model: Model, candidates: Sequence[tuple[Variant, Fit]], choose: ChooseModes
     ) -> tuple[Model, Explanation] | None:
         """Return the model with modes chosen beside the best of some causes, and this cause.
 
@@ -244,18 +243,20 @@ class Search:
         unknown, are used if it is less than that of the base and of the causes beside its modes, else None is returned.
         """
         self._report.plan("together", len(candidates))
-        titles = [f"{_title(step)}, with modes chosen beside it" for step, _ in candidates]
+        titles = [f"{_title(variant)}, with modes chosen beside it" for variant, _ in candidates]
         on_one_thread = replace(model, threads=1)
-        fits = [partial(_fit_with_modes_or_none, on_one_thread, step, before, choose) for step, before in candidates]
+        fits = [
+            partial(_fit_with_modes_or_none, on_one_thread, variant, before, choose) for variant, before in candidates
+        ]
         least = min(self._size(before) for before in (self.selection.base, *(fit for _, fit in candidates))) - MARGIN
         best: tuple[Model, Explanation] | None = None
-        for (step, _), pair in zip(candidates, self._each("together", titles, fits), strict=True):
+        for (variant, _), pair in zip(candidates, self._each("together", titles, fits), strict=True):
             if pair is None:
                 continue
             without, fit = pair
             if self._size(fit) < least:
                 least = self._size(fit)
-                best = replace(without, threads=model.threads), self.selection.explain((step,), fit)
+                best = replace(without, threads=model.threads), self.selection.explain((variant,), fit)
                 # Tolerances may be strained by the modes, and not by the cause.
                 if best[1].adequacy.of_lines:
                     break
@@ -288,8 +289,8 @@ class Search:
     def fit_singles(self) -> None:
         """Screen all causes, and fit the best variants of each."""
         own, base = self.selection, self.selection.base
-        variants, own.undecidable = list_variants(base, self._causes)
-        found = directions(base, variants, own.workers)
+        extensions, own.undecidable = list_variants(base, self._causes)
+        found = directions(base, extensions, own.workers)
         own.directions = in_common_basis(found)
         beside = own.discrepancy
         own.threshold = detection_threshold(
@@ -358,14 +359,14 @@ class Search:
         # Without evidence nothing is reported, and causes with a similar effect have as little.
         if best is None or not best.passed or best.evidence < own.threshold - MARGIN:
             return
-        ((cause, variant),) = best.steps
-        leading = next((direction for direction in own.directions if direction.is_of(cause.id, variant)), None)
+        (variant,) = best.variants
+        leading = next((direction for direction in own.directions if direction.variant == variant), None)
         if leading is None:
             return
         similar = [
             direction
             for direction in own.directions
-            if direction.cause.id != cause.id
+            if direction.cause.id != variant.cause.id
             and not direction.cause.changes_data
             and look_alike(direction, leading) >= LOOK_ALIKE
         ]
@@ -383,11 +384,13 @@ class Search:
             return
         if best.passed and best.adequacy.strain.chance >= STRAIN_CHANCE:
             return
-        ((cause, variant),) = best.steps
+        (variant,) = best.variants
         others = [
             direction
             for direction in own.directions
-            if direction.cause.id == cause.id and direction.variant.name != variant and not direction.cause.changes_data
+            if direction.cause.id == variant.cause.id
+            and direction.variant != variant
+            and not direction.cause.changes_data
         ]
         others.sort(key=lambda one: -one.predicted_evidence(own.penalty))
         self._fit_near(best, others[:VARIANTS_AGAIN])
@@ -402,17 +405,17 @@ class Search:
                 # Another variant of the same cause may have the same size.
                 groups[0].append(best.fit.values)
         self._report.plan("causes", len(chosen))
-        titles = [_title(one.step) for one in chosen]
+        titles = [_title(one.variant) for one in chosen]
         explored = dict(self._explore("causes", titles, chosen, starts, own.base))
         near = [pair for pair in explored.items() if pair[1].misfit <= SCREENING_LIMIT]
         finished = _first_causes(_in_order(near), FINISHED)
         self._report.plan("causes", len(finished))
-        titles = [f"{_title(one.step)}, on all lines" for one, _ in finished]
+        titles = [f"{_title(one.variant)}, on all lines" for one, _ in finished]
         fits = [few.finish for _, few in finished]
         for (one, few), fit in zip(finished, self._each("causes", titles, fits), strict=True):
             if fit is not None:
                 own.evaluations += fit.evaluations - few.evaluations
-                own.add(own.explain((one.step,), fit))
+                own.add(own.explain((one.variant,), fit))
 
     def add_causes(self) -> None:
         """Add further causes to the best explanations, one at a time, while they gain evidence."""
@@ -450,7 +453,7 @@ class Search:
             if best.passed:
                 # From a worse start, the same causes lead to no other fit.
                 chosen = [effect for effect in chosen if not self._is_tried(root.ids | {effect.cause.id})]
-            for one in self._fit(root.steps, root.fit, chosen if is_unreliable else chosen[:ADDED_CAUSES]):
+            for one in self._fit(root.variants, root.fit, chosen if is_unreliable else chosen[:ADDED_CAUSES]):
                 own.tried = best_of_each([*own.tried, one])
                 if one.evidence > best.evidence + max(own.threshold, ADDED_EVIDENCE):
                     own.add(one)
@@ -464,13 +467,13 @@ class Search:
     def _predicts_nothing_beside(self, root: Explanation) -> bool:
         """Return whether no other cause is predicted to have evidence beside an adequate explanation by one cause."""
         own = self.selection
-        if self._rest is None or not root.passed or len(root.steps) > 1:
+        if self._rest is None or not root.passed or len(root.variants) > 1:
             return False
-        ((cause, variant),) = root.steps
-        first = next((direction for direction in own.directions if direction.is_of(cause.id, variant)), None)
+        (variant,) = root.variants
+        first = next((direction for direction in own.directions if direction.variant == variant), None)
         if first is None or first.far or not first.slopes.shape[1]:
             return False
-        others = [direction for direction in own.directions if direction.cause.id != cause.id and not direction.far]
+        others = [other for other in own.directions if other.cause.id != variant.cause.id and not other.far]
         scores = scores_beside(first, others, self._rest)
         gains = [score - own.penalty * other.count for score, other in zip(scores.tolist(), others, strict=True)]
         return max(gains, default=-math.inf) < own.threshold - MARGIN
@@ -478,28 +481,28 @@ class Search:
     def _effects_of_others(self, root: Fit, ids: frozenset[str]) -> list[Direction]:
         """Return the linear effects on a fit of all causes but some; no variant changes the data."""
         others = [cause for cause in self._causes if cause.id not in ids and not cause.changes_data]
-        variants, _ = list_variants(root, others)
-        effects = directions(root, variants, self.selection.workers)
+        extensions, _ = list_variants(root, others)
+        effects = directions(root, extensions, self.selection.workers)
         self.selection.evaluations += len(effects)
         return effects
 
     def exchange_causes(self) -> None:
         """Exchange each cause of the best explanation for other causes and for its other variants."""
         own, best = self.selection, self.selection.best
-        if best is None or len(best.steps) < 2 or not best.adequacy.of_lines:
+        if best is None or len(best.variants) < 2 or not best.adequacy.of_lines:
             return
-        for removed in best.steps:
-            kept = tuple(step for step in best.steps if step is not removed)
+        for removed in best.variants:
+            kept = tuple(variant for variant in best.variants if variant != removed)
+            kept_ids = frozenset(variant.cause.id for variant in kept)
             root = self._refit_without(best, kept)
             if root is None:
                 continue
             own.evaluations += root.evaluations
-            ranked = rank(self._effects_of_others(root, frozenset(cause.id for cause, _ in kept)), own.penalty)
+            ranked = rank(self._effects_of_others(root, kept_ids), own.penalty)
             others = _first_of_each([one for one in ranked if one.cause.id != removed.cause.id])
-            before = next((one for one in own.explanations if one.steps == kept), None)
+            before = next((one for one in own.explanations if one.variants == kept), None)
             if before is not None and root.chi_square > before.fit.chi_square - MARGIN:
                 # They have been added to the same fit.
-                kept_ids = frozenset(cause.id for cause, _ in kept)
                 others = [one for one in others if not self._is_tried(kept_ids | {one.cause.id})]
             same = [one for one in ranked if one.cause.id == removed.cause.id]
             for one in self._fit(kept, root, same + others[:ADDED_CAUSES]):
@@ -520,28 +523,30 @@ class Search:
         levels = has_levels(own.base.model)
         # The order by evidence means little here: the right cause can be last if all fits are in the wrong optimum.
         together = [one for one in own.tried if own.singles[0].ids <= one.ids] if levels else []
-        self._restart([(one.steps, partial(fit_again, one.fit)) for one in [*own.singles[:ROOTS], *together]])
+        self._restart([(one.variants, partial(fit_again, one.fit)) for one in [*own.singles[:ROOTS], *together]])
         others = [] if levels else self._other_variants()
-        self._restart([((step,), partial(fit_base, model)) for step, model in others])
+        self._restart([((variant,), partial(fit_base, model)) for variant, model in others])
 
-    def _restart(self, again: Sequence[tuple[tuple[Step, ...], Callable[[], Fit | None]]]) -> None:
-        titles = [f"{_title(*steps, variant=len(steps) == 1)}, from its own starting values" for steps, _ in again]
+    def _restart(self, again: Sequence[tuple[tuple[Variant, ...], Callable[[], Fit | None]]]) -> None:
+        titles = [
+            f"{_title(*variants, variant=len(variants) == 1)}, from its own starting values" for variants, _ in again
+        ]
         fits = [partial(_fit_or_none, fit) for _, fit in again]
-        for (steps, _), found in zip(again, self._each("together", titles, fits), strict=True):
+        for (variants, _), found in zip(again, self._each("together", titles, fits), strict=True):
             if found is not None:
                 self.selection.evaluations += found.evaluations
-                self.selection.add(self.selection.explain(steps, found))
+                self.selection.add(self.selection.explain(variants, found))
 
-    def _other_variants(self) -> list[tuple[Step, Model]]:
+    def _other_variants(self) -> list[tuple[Variant, Model]]:
         """Return the other variants of the best single cause with their models, if it comes close to the data."""
         best = next(iter(self.selection.singles), None)
         if best is None or best.fit.misfit > SCREENING_LIMIT:
             return []
-        ((cause, own),) = best.steps
-        others = [
-            one for one in cause.variants(self.selection.base.model) if one.name != own and not cause.changes_data
-        ]
-        return [(Step(other.describe(cause), other.name), other.model) for other in others[:ADDED_CAUSES]]
+        (variant,) = best.variants
+        if variant.cause.changes_data:
+            return []
+        extensions = variant.cause.extensions(self.selection.base.model)
+        return [(other, model) for other, model in extensions if other != variant][:ADDED_CAUSES]
 
     def finish_best(self) -> None:
         """Continue the fits of explanations that may be reported and reached their limit of evaluations."""
@@ -559,7 +564,7 @@ class Search:
             if fit is not None:
                 own.evaluations += fit.evaluations - before.fit.evaluations
                 others = [explanation for explanation in own.explanations if explanation is not before]
-                own.explanations = best_of_each([own.explain(before.steps, fit), *others])
+                own.explanations = best_of_each([own.explain(before.variants, fit), *others])
 
     def prune(self) -> None:
         """Take each cause, and parameters of each cause, out of the best explanation, and keep equally good ones.
@@ -568,19 +573,19 @@ class Search:
         starts from the one together with another cause.
         """
         own, best = self.selection, self.selection.best
-        if best is None or len(best.steps) < 2 or not best.passed:
+        if best is None or len(best.variants) < 2 or not best.passed:
             return
-        fewer = [tuple(step for step in best.steps if step is not removed) for removed in best.steps]
+        fewer = [tuple(kept for kept in best.variants if kept != removed) for removed in best.variants]
         fewer += _with_fewer_parameters(own.base.model, best)
-        fits = [partial(self._refit_without, best, steps) for steps in fewer]
-        for steps, fit in zip(fewer, in_parallel(fits, own.workers), strict=True):
+        fits = [partial(self._refit_without, best, variants) for variants in fewer]
+        for variants, fit in zip(fewer, in_parallel(fits, own.workers), strict=True):
             if fit is not None:
-                own.add(own.explain(steps, fit))
+                own.add(own.explain(variants, fit))
 
-    def _refit_without(self, best: Explanation, steps: Sequence[Step]) -> Fit | None:
-        """Return the fit with some of the steps of an explanation, from its values; None where there is none."""
+    def _refit_without(self, best: Explanation, variants: Sequence[Variant]) -> Fit | None:
+        """Return the fit with fewer causes than an explanation, from its values; None where there is none."""
         try:
-            return refit(extend(self.selection.base.model, steps), best.fit.values)
+            return refit(extend(self.selection.base.model, variants), best.fit.values)
         except (ReceptanceError, UndecidableError):
             return None
 
@@ -593,11 +598,15 @@ class Search:
             else next((explanation for explanation in own.explanations if explanation.passed), None)
         )
         # No change of a structure changes the quantity of the data.
-        if best is None or best.evidence <= max(own.threshold, 0.0) or any(c.changes_data for c, _ in best.steps):
+        if (
+            best is None
+            or best.evidence <= max(own.threshold, 0.0)
+            or any(variant.cause.changes_data for variant in best.variants)
+        ):
             self._report.plan("alternatives", 0)
             return
-        variants, _ = list_variants(base, ALTERNATIVES)
-        screened = directions(base, variants, own.workers)
+        extensions, _ = list_variants(base, ALTERNATIVES)
+        screened = directions(base, extensions, own.workers)
         own.evaluations += len(screened)
         chosen = rank([one for one in screened if one.slopes.shape[1]], own.penalty)
         self._report.plan("alternatives", len(chosen))
@@ -605,7 +614,7 @@ class Search:
         for groups in starts:
             # The joint of the best explanation is closer to the solution than that of an inadequate base.
             groups[-1] += [{**start, **best.fit.values} for group in groups for start in group]
-        titles = [f"no cause: {direction.cause.meaning} {direction.variant.name}" for direction in chosen]
+        titles = [f"no cause: {direction.variant.meaning} {direction.variant.name}" for direction in chosen]
         found = dict(self._explore("alternatives", titles, chosen, starts, base, best.fit.chi_square_on_few_lines))
         # The penalty is that of all lines: it is smaller beside chi-square on few lines, as that of the base is.
         share = base.chi_square_on_few_lines / base.chi_square
@@ -613,15 +622,15 @@ class Search:
         limit = behind_limit(base.chi_square_on_few_lines, (best.fit.chi_square_on_few_lines,))
         # Only the best variant of each is fitted: neighbouring frequencies lead to the same end point.
         finished = _first_causes([pair for pair in explored if pair[1].chi_square <= limit], FINISHED)
-        titles = [f"no cause: {direction.cause.meaning}, on all lines" for direction, _ in finished]
+        titles = [f"no cause: {direction.variant.meaning}, on all lines" for direction, _ in finished]
         fits = [few.finish for _, few in finished]
         for (direction, few), fit in zip(finished, self._each("alternatives", titles, fits), strict=True):
             if fit is not None:
                 own.evaluations += fit.evaluations - few.evaluations
-                own.alternatives.append(own.explain((direction.step,), fit))
+                own.alternatives.append(own.explain((direction.variant,), fit))
         own.alternatives.sort(key=lambda one: -one.evidence)
 
-    def _fit(self, steps: tuple[Step, ...], root: Fit, chosen: Sequence[Direction]) -> Iterator[Explanation]:
+    def _fit(self, variants: tuple[Variant, ...], root: Fit, chosen: Sequence[Direction]) -> Iterator[Explanation]:
         """Yield explanations that add one cause each.
 
         Variants that change the data are fitted from their own starting values. All others are explored on few lines;
@@ -630,27 +639,27 @@ class Search:
 
         Parameters
         ----------
-        steps : tuple of Step
+        variants : tuple of Variant
             The causes that `root` has already.
         root : Fit
             The fit to which they are added.
         chosen : sequence of Direction
-            The variants.
+            The variants that are added.
         """
-        own, stage = self.selection, "together" if steps else "causes"
+        own, stage = self.selection, "together" if variants else "causes"
         self._report.plan(stage, len(chosen))
         is_other_quantity = any(
-            single.steps[0].cause.changes_data and single.adequacy.of_lines for single in own.singles
+            single.variants[0].cause.changes_data and single.adequacy.of_lines for single in own.singles
         )
         for direction in () if is_other_quantity else chosen:
             if direction.cause.changes_data:
-                self._report(stage, _title(*steps, direction.step))
+                self._report(stage, _title(*variants, direction.variant))
                 try:
-                    fit = fit_base(direction.variant.model)
+                    fit = fit_base(direction.model)
                 except ReceptanceError:
                     continue
                 own.evaluations += fit.evaluations
-                found = own.explain((*steps, direction.step), fit)
+                found = own.explain((*variants, direction.variant), fit)
                 is_other_quantity = is_other_quantity or found.adequacy.of_lines
                 yield found
         others = [one for one in chosen if not one.cause.changes_data]
@@ -658,26 +667,27 @@ class Search:
             # Without that change of the data no fit comes close to them.
             for one in others:
                 if not one.far:
-                    yield self._predict(steps, root, one)
+                    yield self._predict(variants, root, one)
             return
         explored: dict[Direction, Exploration] = {}
         try:
             singles = [
-                [single.fit for single in own.singles if steps and single.steps[0] == each.step] for each in others
+                [single.fit for single in own.singles if variants and single.variants[0] == each.variant]
+                for each in others
             ]
             starts = [starts_of(each, root) for each in others]
             for groups, fits in zip(starts, singles, strict=True):
                 groups[0] += starts_from_singles(own.base, fits, root)
-            titles = [_title(*steps, each.step) for each in others]
+            titles = [_title(*variants, each.variant) for each in others]
             for direction, few in self._explore(stage, titles, others, starts, root):
                 explored[direction] = few
                 leading = min(explored, key=lambda one: explored[one].chi_square)
-                self._report.leading = _title(*steps, leading.step, variant=False)
+                self._report.leading = _title(*variants, leading.variant, variant=False)
         except KeyboardInterrupt:
             for direction, few in _first_causes(_in_order(explored.items()), KEPT_ON_INTERRUPT):
-                yield own.explain((*steps, direction.step), few.evaluate())
+                yield own.explain((*variants, direction.variant), few.evaluate())
             raise
-        yield from self._finish(steps, root, _in_order(explored.items()))
+        yield from self._finish(variants, root, _in_order(explored.items()))
 
     def _explore(
         self,
@@ -697,10 +707,7 @@ class Search:
         continued in any case.
         """
         found: list[tuple[Direction, Exploration]] = []
-        fits = [
-            partial(explore, one.variant.model, start[0], far=one.far)
-            for one, start in zip(chosen, starts, strict=True)
-        ]
+        fits = [partial(explore, one.model, start[0], far=one.far) for one, start in zip(chosen, starts, strict=True)]
         for direction, few in zip(chosen, self._each(stage, titles, fits), strict=True):
             self.selection.evaluations += few.evaluations
             found.append((direction, few))
@@ -735,16 +742,16 @@ class Search:
             self._report(stage, title)
             yield next(results)
 
-    def _predict(self, steps: tuple[Step, ...], root: Fit, direction: Direction) -> Explanation:
+    def _predict(self, variants: tuple[Variant, ...], root: Fit, direction: Direction) -> Explanation:
         """Return a variant at the values of the fit without it, with the gain that its linear effect predicts."""
-        fit = with_null(direction.variant.model, root)
-        return self.selection.explain((*steps, direction.step), fit, direction.score)
+        fit = with_null(direction.model, root)
+        return self.selection.explain((*variants, direction.variant), fit, direction.score)
 
     def _finish(
-        self, steps: tuple[Step, ...], root: Fit, explored: Sequence[tuple[Direction, Exploration]]
+        self, variants: tuple[Variant, ...], root: Fit, explored: Sequence[tuple[Direction, Exploration]]
     ) -> Iterator[Explanation]:
         """Yield explanations on all lines: fitted where they come close to the best one, else evaluated."""
-        own, stage = self.selection, "together" if steps else "causes"
+        own, stage = self.selection, "together" if variants else "causes"
         without = root.chi_square_on_few_lines
         limit = behind_limit(without, (few.chi_square for _, few in explored))
         # Far from the data short fits are unreliable, unless one of them has come close.
@@ -763,7 +770,7 @@ class Search:
             if not may_gain:
                 # A far variant has no prediction, but other variants of its cause do.
                 if not direction.far:
-                    yield self._predict(steps, root, direction)
+                    yield self._predict(variants, root, direction)
                     continue
                 if direction.cause.id in predicted:
                     continue
@@ -771,7 +778,7 @@ class Search:
             fits.append(few.finish if (is_close and may_gain) or fit_all else few.evaluate)
         leading: Explanation | None = None
         done = 0
-        titles = [f"{_title(*steps, direction.step)}, on all lines" for direction, _ in finished]
+        titles = [f"{_title(*variants, direction.variant)}, on all lines" for direction, _ in finished]
         self._report.plan(stage, len(finished))
         try:
             for (direction, few), fit in zip(finished, self._each(stage, titles, fits), strict=True):
@@ -781,9 +788,9 @@ class Search:
                 own.evaluations += fit.evaluations - few.evaluations
                 if fit.chi_square > root.chi_square:
                     # Where the cause has no effect it is as good as the fit without the cause.
-                    null = evaluate(direction.variant.model, root.values, evaluations=fit.evaluations)
+                    null = evaluate(direction.model, root.values, evaluations=fit.evaluations)
                     fit = min(fit, null, key=lambda one: one.chi_square)
-                found = own.explain((*steps, direction.step), fit)
+                found = own.explain((*variants, direction.variant), fit)
                 leading = found if leading is None or found.evidence > leading.evidence else leading
                 self._report.leading = f"{leading.title}, misfit {leading.fit.misfit:.2f}"
                 yield found
@@ -791,14 +798,16 @@ class Search:
             known = {direction.cause.id for direction, _ in finished[:done]}
             rest = [pair for pair in finished[done:] if pair[0].cause.id not in known]
             for direction, few in _first_causes(rest, KEPT_ON_INTERRUPT):
-                yield own.explain((*steps, direction.step), few.evaluate())
+                yield own.explain((*variants, direction.variant), few.evaluate())
             raise
 
 
-def _fit_with_modes_or_none(model: Model, step: Step, before: Fit, choose: ChooseModes) -> tuple[Model, Fit] | None:
+def _fit_with_modes_or_none(
+    model: Model, variant: Variant, before: Fit, choose: ChooseModes
+) -> tuple[Model, Fit] | None:
     """Return the result of `fit_with_modes`; None where the model has no value."""
     try:
-        return fit_with_modes(model, step, before, choose)
+        return fit_with_modes(model, variant, before, choose)
     except (ReceptanceError, UndecidableError):
         return None
 
@@ -811,9 +820,9 @@ def _fit_or_none(fit: Callable[[], Fit | None]) -> Fit | None:
         return None
 
 
-def _title(*steps: Step, variant: bool = True) -> str:
+def _title(*variants: Variant, variant: bool = True) -> str:
     """Return the names of causes, and the variant of the last one."""
-    return " + ".join(cause.title for cause, _ in steps) + (f", {steps[-1].variant}" if variant else "")
+    return " + ".join(each.cause.title for each in variants) + (f", {variants[-1].name}" if variant else "")
 
 
 def _first_of_each(ranked: Sequence[Direction]) -> list[Direction]:
@@ -837,11 +846,12 @@ def _first_causes(explored: Iterable[tuple[Direction, Exploration]], most: int) 
     return list(found.values())[:most]
 
 
-def _with_fewer_parameters(model: Model, best: Explanation) -> Iterator[tuple[Step, ...]]:
-    """Yield the steps of an explanation with a variant of one cause that has a proper subset of its unknowns."""
-    for i, step in enumerate(best.steps):
-        names = {one.name: {unknown.name for unknown in one.model.unknowns} for one in step.cause.variants(model)}
-        for name, unknowns in names.items():
-            if unknowns < names.get(step.variant, set()):
-                yield (*best.steps[:i], Step(step.cause, name), *best.steps[i + 1 :])
-        model = step.extend(model)
+def _with_fewer_parameters(model: Model, best: Explanation) -> Iterator[tuple[Variant, ...]]:
+    """Yield the variants of an explanation with one of them exchanged for one with a proper subset of its unknowns."""
+    for i, variant in enumerate(best.variants):
+        extended = variant.apply(model)
+        names = {unknown.name for unknown in extended.unknowns}
+        for other, fewer in variant.cause.extensions(model):
+            if {unknown.name for unknown in fewer.unknowns} < names:
+                yield (*best.variants[:i], other, *best.variants[i + 1 :])
+        model = extended

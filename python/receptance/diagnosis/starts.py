@@ -33,7 +33,7 @@ def starts_of(direction: Direction, fit: Fit) -> list[list[dict[str, float]]]:
         stiffer = {u.name: JOINT_FACTOR * values[u.name] for u in fit.task.parameters.unknowns if u.address in joints}
         return [[{**values, **stiffer, **null}]]
     for name, grid in direction.variant.scan.items():
-        null[name] = best_start(direction.variant.model, {**values, **null}, name, grid)
+        null[name] = best_start(direction.model, {**values, **null}, name, grid)
     starts = [null]
     if direction.estimate:
         starts.append({**null, **direction.estimate})

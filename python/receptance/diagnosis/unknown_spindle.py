@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 from receptance.coupling.spindle_elimination import SpindleRecords
 from receptance.coupling.unknown_modes import ModeChoice
-from receptance.diagnosis.causes import Step, parameters_of
+from receptance.diagnosis.causes import Variant, parameters_of
 from receptance.diagnosis.fitting import Fit, fit_base, refit
 from receptance.diagnosis.model import Model
 from receptance.errors import ReceptanceError
@@ -83,13 +83,13 @@ def fit_unstrained(model: Model, choose: ChooseModes) -> tuple[Model, Fit]:
         chosen = choose(model, choice)
         fit = fit_base(chosen, continuations=0)
         first = first or (chosen, fit)
-        if fit.adequacy.strain.passed or not first[1].adequacy.of_lines:
+        if fit.adequacy.passed or not first[1].adequacy.of_lines:
             return chosen, fit
     assert first is not None
     return first
 
 
-def fit_with_modes(model: Model, step: Step, before: Fit, choose: ChooseModes) -> tuple[Model, Fit]:
+def fit_with_modes(model: Model, variant: Variant, before: Fit, choose: ChooseModes) -> tuple[Model, Fit]:
     """Return a model whose modes are chosen beside a cause, and its fit with this cause.
 
     Beside a cause that changes the spindle in some configurations the modes are those of the others.
@@ -98,8 +98,8 @@ def fit_with_modes(model: Model, step: Step, before: Fit, choose: ChooseModes) -
     ----------
     model : Model
         The model without the cause.
-    step : Step
-        The cause.
+    variant : Variant
+        The cause in one of its variants.
     before : Fit
         A fit with the cause and other modes: its sizes from which the choice starts.
     choose : callable
@@ -124,4 +124,4 @@ def fit_with_modes(model: Model, step: Step, before: Fit, choose: ChooseModes) -
         unknowns=(*(unknown for unknown in chosen.unknowns if unknown.name not in causes), *unseen),
         tolerances=tuple(replace(tolerance, start=starts.get(tolerance.name, 0.0)) for tolerance in model.tolerances),
     )
-    return without, refit(step.extend(without), fit.values, evaluations=fit.evaluations)
+    return without, refit(variant.apply(without), fit.values, evaluations=fit.evaluations)

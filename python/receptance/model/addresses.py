@@ -36,6 +36,21 @@ _OF_MOTION: dict[str, type | tuple[type, ...]] = {"axial": (Part, PointJoint), "
 _SEGMENT = re.compile(r"segment\[(\d+|\*)\]\.((?:core\.)?\w+)")
 
 
+class MotionError(ValueError):
+    """A motion does not have some elements; `reason` is the message without the place of these elements."""
+
+    def __init__(self, message: str, reason: str) -> None:
+        super().__init__(message)
+        self.reason = reason
+
+
+def check_motion(kind: type, motion: str, place: str) -> None:
+    """Raise if a motion does not have elements of a kind in a chain; `place` is the subject of the message."""
+    if not issubclass(kind, _OF_MOTION.get(motion, object)):
+        element = f"a {kind.__name__}"
+        raise MotionError(f"{place} is {element}, which has no {motion} motion", f"{element} has no {motion} motion")
+
+
 def check_chain(elements: Sequence[ChainElement], points: Sequence[Attachment], motion: str) -> None:
     """Raise if the elements are not a chain from the tip to the far end, or a point is not a point element."""
     for index, element in enumerate(elements):
@@ -49,12 +64,11 @@ def check_chain(elements: Sequence[ChainElement], points: Sequence[Attachment], 
                 f"Assembly: chain[{index}] is a {type(element).__name__}, which is known at one plane only; it must "
                 "be the last element"
             )
-        if not isinstance(element, _OF_MOTION.get(motion, object)):
-            raise ValueError(f"Assembly: chain[{index}] is a {type(element).__name__}, which has no {motion} motion")
+        check_motion(type(element), motion, f"Assembly: chain[{index}]")
         if isinstance(element, PointJoint):
             element.check_motion(motion)
     if points and motion == "torsion":
-        raise ValueError("Assembly: attachments have no torsion motion")
+        raise MotionError("Assembly: attachments have no torsion motion", "attachments have no torsion motion")
     for index, point in enumerate(points):
         if not isinstance(point, Attachment):
             raise TypeError(
