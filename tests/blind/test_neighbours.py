@@ -276,6 +276,7 @@ def test_diagnoses_of_every_group_do_not_fail(summarise):
     summarise("laboratory of neighbours, 5 cases", f"seed {SEED}\n{text}", text)
     assert {NEIGHBOURS[id].group for id in ids} == set(GROUPS)
     assert not [o.error for o in outcomes if o.verdict == "failed" or o.error], SEED
-    # The misfit of the package and that of the laboratory are of the same data and of the same model.
-    for o in outcomes:
-        assert 0.3 < o.misfit / o.oracle["misfit"] < 3.0, (SEED, o.effects)
+    # Without the error the misfit of the package and that of the laboratory are of the same data and of the same model.
+    # With it the model is wrong, and their fits, which start apart, may end in different optima.
+    same = run_neighbour(SEED, 2, "turned_bar", ask, quick=True, u=0.0)
+    assert 0.5 < same.misfit / same.oracle["misfit"] < 2.0, SEED
