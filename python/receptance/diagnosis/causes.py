@@ -330,7 +330,10 @@ class Cause:
         UndecidableError
             The data cannot show it.
         """
-        return [variant.of(self) for variant in self.change({one.name: one for one in self.parameters}, model)]
+        return [
+            variant.of(self)
+            for variant in self.change({parameter.name: parameter for parameter in self.parameters}, model)
+        ]
 
     def extensions(self, model: Model) -> list[tuple[Variant, Model]]:
         """Return the variants that a model can have, each with the model that it gives.

@@ -259,10 +259,10 @@ def _fitted_to_the_noise(first: Selection, best: Explanation | None) -> Explanat
     if best is None or any(explanation.passed and explanation.ids == best.ids for explanation in first.explanations):
         return None
     try:
-        found = first.explain(best.variants, refit(extend(first.base.model, best.variants), best.fit.values))
+        explanation = first.explain(best.variants, refit(extend(first.base.model, best.variants), best.fit.values))
     except (ReceptanceError, UndecidableError):
         return None
-    return found if found.passed else None
+    return explanation if explanation.passed else None
 
 
 def _verdict(

@@ -156,7 +156,9 @@ def _preferred_alternative(selection: Selection, remaining: Sequence[Explanation
     It needs more evidence than a single cause by the margin. To be preferred to several causes together it may have
     less by the margin, because it is one change and they are several.
     """
-    least = remaining[0].evidence + (MARGIN if any(len(one.variants) == 1 for one in remaining) else -MARGIN)
+    least = remaining[0].evidence + (
+        MARGIN if any(len(explanation.variants) == 1 for explanation in remaining) else -MARGIN
+    )
     return next((one for one in selection.alternatives if one.evidence > least), None)
 
 
@@ -280,5 +282,5 @@ def _describe(alternative: Explanation) -> str:
 
 
 def _in_order(remaining: Sequence[Explanation], ids: frozenset[str]) -> tuple[str, ...]:
-    together = (variant.cause.id for one in remaining for variant in one.variants)
+    together = (variant.cause.id for explanation in remaining for variant in explanation.variants)
     return tuple(dict.fromkeys(id for id in together if id in ids))

@@ -405,12 +405,12 @@ class Search:
                 # Another variant of the same cause may have the same size.
                 groups[0].append(best.fit.values)
         self._report.plan("causes", len(chosen))
-        titles = [_title(one.variant) for one in chosen]
+        titles = [_title(direction.variant) for direction in chosen]
         explored = dict(self._explore("causes", titles, chosen, starts, own.base))
         near = [pair for pair in explored.items() if pair[1].misfit <= SCREENING_LIMIT]
         finished = _first_causes(_in_order(near), FINISHED)
         self._report.plan("causes", len(finished))
-        titles = [f"{_title(one.variant)}, on all lines" for one, _ in finished]
+        titles = [f"{_title(direction.variant)}, on all lines" for direction, _ in finished]
         fits = [few.finish for _, few in finished]
         for (one, few), fit in zip(finished, self._each("causes", titles, fits), strict=True):
             if fit is not None:
@@ -500,7 +500,7 @@ class Search:
             own.evaluations += root.evaluations
             ranked = rank(self._effects_of_others(root, kept_ids), own.penalty)
             others = _first_of_each([one for one in ranked if one.cause.id != removed.cause.id])
-            before = next((one for one in own.explanations if one.variants == kept), None)
+            before = next((each for each in own.explanations if each.variants == kept), None)
             if before is not None and root.chi_square > before.fit.chi_square - MARGIN:
                 # They have been added to the same fit.
                 others = [one for one in others if not self._is_tried(kept_ids | {one.cause.id})]
@@ -523,7 +523,8 @@ class Search:
         levels = has_levels(own.base.model)
         # The order by evidence means little here: the right cause can be last if all fits are in the wrong optimum.
         together = [one for one in own.tried if own.singles[0].ids <= one.ids] if levels else []
-        self._restart([(one.variants, partial(fit_again, one.fit)) for one in [*own.singles[:ROOTS], *together]])
+        started = [*own.singles[:ROOTS], *together]
+        self._restart([(explanation.variants, partial(fit_again, explanation.fit)) for explanation in started])
         others = [] if levels else self._other_variants()
         self._restart([((variant,), partial(fit_base, model)) for variant, model in others])
 
@@ -532,10 +533,10 @@ class Search:
             f"{_title(*variants, variant=len(variants) == 1)}, from its own starting values" for variants, _ in again
         ]
         fits = [partial(_fit_or_none, fit) for _, fit in again]
-        for (variants, _), found in zip(again, self._each("together", titles, fits), strict=True):
-            if found is not None:
-                self.selection.evaluations += found.evaluations
-                self.selection.add(self.selection.explain(variants, found))
+        for (variants, _), fit in zip(again, self._each("together", titles, fits), strict=True):
+            if fit is not None:
+                self.selection.evaluations += fit.evaluations
+                self.selection.add(self.selection.explain(variants, fit))
 
     def _other_variants(self) -> list[tuple[Variant, Model]]:
         """Return the other variants of the best single cause with their models, if it comes close to the data."""

@@ -78,15 +78,16 @@ def fit_unstrained(model: Model, choose: ChooseModes) -> tuple[Model, Fit]:
 
     It is the first one of all where that does not explain all lines, and where all of them strain the tolerances.
     """
-    first: tuple[Model, Fit] | None = None
+    fits: list[tuple[Model, Fit]] = []
     for choice in MODE_CHOICES:
         chosen = choose(model, choice)
         fit = fit_base(chosen, continuations=0)
-        first = first or (chosen, fit)
-        if fit.adequacy.passed or not first[1].adequacy.of_lines:
-            return chosen, fit
-    assert first is not None
-    return first
+        fits.append((chosen, fit))
+        if fit.adequacy.passed or not fits[0][1].adequacy.of_lines:
+            break
+    else:
+        chosen, fit = fits[0]
+    return chosen, fit
 
 
 def fit_with_modes(model: Model, variant: Variant, before: Fit, choose: ChooseModes) -> tuple[Model, Fit]:
