@@ -22,7 +22,7 @@ from receptance.diagnosis.line_selection import select_lines
 from receptance.diagnosis.model import DATA_HOLDER, TABLE, Model, UndecidableError
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
-from receptance.diagnosis.selection import select
+from receptance.diagnosis.search import select
 from receptance.diagnosis.table_noise import with_table_noise
 from receptance.diagnosis.thresholds import (
     BEYOND_NOISE,

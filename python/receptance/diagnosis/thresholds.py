@@ -11,15 +11,14 @@ import math
 # Lines of measured receptances.
 
 EXPLORING_LINES = 120
-"""Lines of each receptance while starts of fits are compared."""
+"""Lines of each receptance of the first fits of the base."""
+BLOCKS = 120
+"""Blocks of each receptance, about, in the data that are compressed about a fit."""
 
 # Fits.
 
 TIE = 0.01
 """Difference of evidence below which two explanations are equal: fits end within less than this of their optimum."""
-SAME_END = 4.0
-"""Difference of chi-square on few lines below which two end points are compared on all lines, and the better one is
-fitted on."""
 DIFFERENT_END = 1e-2
 """Distance of two end points, as a share of the range of a variable, from which they count as different."""
 EVALUATIONS = 100
