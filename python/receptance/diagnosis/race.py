@@ -18,7 +18,14 @@ from receptance.diagnosis.fitting import Exploration, Fit, explore, fit_base, fi
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, first_of_each
 from receptance.diagnosis.starts import starts_from_singles, starts_of
-from receptance.diagnosis.thresholds import BEHIND, KEPT_ON_INTERRUPT, LEADING_CAUSES, MARGIN, SCREENING_LIMIT
+from receptance.diagnosis.thresholds import (
+    BEHIND,
+    CONTINUED_SHARE,
+    KEPT_ON_INTERRUPT,
+    LEADING_CAUSES,
+    LEAST_CONTINUED,
+    MARGIN,
+)
 from receptance.fit.adequacy import MISFIT_LIMIT
 
 
@@ -126,14 +133,13 @@ def _explore(
     if math.isfinite(neighbourhood.adequate) or any(exploration.misfit <= MISFIT_LIMIT for exploration in short):
         limit = behind_limit(root.chi_square, (neighbourhood.adequate, *(each.chi_square for each in short)))
 
-    def may_be_near(rival: Direction, exploration: Exploration) -> bool:
-        if exploration.chi_square <= limit:
-            return True
-        if rival.far:
-            return exploration.misfit <= SCREENING_LIMIT
-        return exploration.chi_square > root.chi_square or root.chi_square - rival.score <= limit
+    def prospect(i: int) -> float:
+        # Short fits from afar may not have come far.
+        predicted = root.chi_square - rivals[i].score
+        return min(short[i].chi_square, math.inf if rivals[i].far else predicted) + selection.penalty * rivals[i].count
 
-    near = [i for i, pair in enumerate(zip(rivals, short, strict=True)) if may_be_near(*pair)]
+    near = [i for i in sorted(range(len(rivals)), key=prospect) if prospect(i) <= limit]
+    near = near[: max(LEAST_CONTINUED, math.ceil(CONTINUED_SHARE * len(rivals)))]
     fits = [partial(short[i].go_on, [start for group in starts[i][1:] for start in group]) for i in near]
     titles = [f"{titles[i]}, continued" for i in near]
     for i, exploration in zip(near, progress.run(neighbourhood.stage, titles, fits, selection.workers), strict=True):

@@ -207,13 +207,11 @@ class Search:
         """Return the causes with an effect like that of a single one, and its other variants.
 
         The joint of the best explanation is closer to the solution than that of the base, from which the right cause
-        may end in a local minimum. For the same reason the base is fitted from it.
+        may end in a local minimum.
         """
         own = self.selection
+        self._refit_base(best)
         (variant,) = best.variants
-        again = self._refit((), best.fit.values)
-        if again is not None and again.chi_square < own.base.chi_square - CONVERGED:
-            own.replace_base(again)
         leading = next((each for each in own.directions if each.variant == variant), None)
         rivals = [
             each
@@ -224,6 +222,12 @@ class Search:
             and (look_alike(each, leading) >= LOOK_ALIKE or (each.far and each.cause.id == variant.cause.id))
         ]
         return Neighbourhood((), own.base, rank(rivals, own.penalty), best.fit.values)
+
+    def _refit_base(self, best: Explanation) -> None:
+        """Fit the base from an explanation, and replace it if that is better: it may be in a local minimum."""
+        again = self._refit((), best.fit.values)
+        if again is not None and again.chi_square < self.selection.base.chi_square - CONVERGED:
+            self.selection.replace_base(again)
 
     def _refit(self, variants: Sequence[Variant], values: Mapping[str, float]) -> Fit | None:
         """Return the base with causes, fitted from values of unknowns; None where it has no value."""

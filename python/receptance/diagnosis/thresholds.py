@@ -100,6 +100,10 @@ BEHIND_SHARE = 0.3
 BEHIND plus this share of the gain of the best one. By the same rule on all lines no cause is added to it, and on the
 other configurations it is left out of a fold."""
 
+CONTINUED_SHARE = 1.0 / 3.0
+LEAST_CONTINUED = 12
+"""Share of the rivals of a race, and least number of them, that get further starts after the short fits."""
+
 # Alternatives that are not causes.
 
 ALTERNATIVE_PLACES = (0.15, 0.3, 0.5, 0.7, 0.85)
