@@ -138,6 +138,8 @@ class Search:
         self._causes = causes
         self._most = most
         self._report = progress or Progress()
+        self._searched: dict[frozenset[Variant], float] = {}
+        """Chi-square of the fits to which causes have been added, by their causes."""
 
     def run(self, model: Model, choose: ChooseModes | None = None) -> tuple[Model, Explanation] | None:
         """Run the loop, or return the model with other modes of an unknown spindle, and the cause to start again with.
@@ -173,11 +175,10 @@ class Search:
     def _climb(self) -> None:
         """Race the neighbours of the best explanation until it has no better one."""
         own = self.selection
-        searched: set[tuple[Variant, ...]] = set()
         while own.best is not None and own.best.evidence >= own.threshold - MARGIN:
-            if own.best.variants in searched:
+            if self._searched.get(frozenset(own.best.variants), math.inf) <= own.best.fit.chi_square + MARGIN:
                 return
-            searched.add(own.best.variants)
+            self._searched[frozenset(own.best.variants)] = own.best.fit.chi_square
             for neighbourhood in self._neighbourhoods(own.best):
                 self._race(neighbourhood)
 
@@ -193,6 +194,8 @@ class Search:
                 if root is not None:
                     own.evaluations += root.evaluations
                     own.add(own.explain(kept, root))
+                    if self._searched.get(frozenset(kept), math.inf) <= root.chi_square + MARGIN:
+                        continue
                     rivals = self._rivals(root, kept, dropped)
                     yield Neighbourhood(kept, root, rivals[:ADDED_CAUSES])
         if len(best.variants) < self._most and not (best.passed and best.fit.misfit < OVERSTATED):
