@@ -6,11 +6,12 @@ regression line of r, at the line next to its centre. There
 
     ln(measured') = ln h + r',    var = 1 / sum(w) + d^2 / sum(w (f - f')^2),
 
-with the weights w = 1 / var of the lines, their centre f' and the distance d of the line from it. The sum of squares of
-all lines is that of the blocks and a constant, as long as the logarithm of another curve over h is linear within each
-block. So blocks are narrow where the logarithm of h bends. What is lost is the variation of derivatives within a block
-beyond their mean: its square grows with w h''^2 and with the third power of the width, so blocks of equal loss have a
-density that grows with (|h''| / sigma)^(2/3), where h'' is the second derivative of the logarithm.
+with the weights w = 1 / var of the lines, their centre f' and the distance d of the line from it. At h the sum of
+squares of all lines is that of the blocks and a constant. Another curve changes it by as much as long as its logarithm
+over h changes little within each block. So blocks are narrow where the logarithm of h bends. What is lost is the
+variation of derivatives within a block about their mean: its square grows with w h''^2 and with the third power of the
+width, so blocks of equal loss have a density that grows with (|h''| / sigma)^(2/3), where h'' is the second derivative
+of the logarithm. 120 blocks of 1,200 lines keep 96 % of the information on a joint, 250 blocks 98 %.
 """
 
 from __future__ import annotations
