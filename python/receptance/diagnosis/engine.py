@@ -281,7 +281,7 @@ def _verdict(
             if variant.cause.id not in reported:
                 reported[variant.cause.id] = _candidate(selection, one, variant)
     alternatives = {
-        alternative: _candidate(selection, alternative, alternative.variants[0])
+        alternative: _candidate(selection, alternative, alternative.variants[-1])
         for alternative in selection.alternatives
     }
     singles = selection.singles[: KEPT_ON_INTERRUPT if interrupted else None]

@@ -22,7 +22,6 @@ from receptance.diagnosis.thresholds import (
     BLOCKS,
     CONTINUED_BASE,
     CONTINUED_STARTS,
-    DIFFERENT_END,
     EVALUATIONS,
     EVALUATIONS_EXPLORING,
     EVALUATIONS_OF_BASE,
@@ -398,11 +397,8 @@ class Exploration:
             if not (end.converged or is_behind):
                 end = self.problem.fit_one(end.x, EVALUATIONS_EXPLORING, least=CONVERGED)
             found.append(end)
-        different: list[End] = []
-        for end in sorted(found, key=lambda end: end.cost):
-            if all(_differ(end.x, other.x, self.model.task) for other in different):
-                different.append(end)
-        return Exploration(self.model, self.problem, tuple(different), self.problem.evaluations)
+        found.sort(key=lambda end: end.cost)
+        return Exploration(self.model, self.problem, tuple(found), self.problem.evaluations)
 
     def finish(self) -> Fit | None:
         """Return the fit on all lines from the best end; None where the model has no value on all lines."""
@@ -453,8 +449,3 @@ def _short_fits(
 
 def _problem_on_few_lines(model: Model) -> Problem:
     return model.task.problem(on_few_lines(model))
-
-
-def _differ(x: NDArray[np.float64], other: NDArray[np.float64], task: Task) -> bool:
-    low, high = task.variables.limits
-    return bool(np.max(np.abs(x - other) / (high - low)) > DIFFERENT_END)

@@ -331,8 +331,8 @@ class Search:
                 own.explanations = best_of_each([own.explain(before.variants, fit), *others])
 
     def race_alternatives(self) -> None:
-        """Race changes that are not causes, where a cause may be reported."""
-        own, base = self.selection, self.selection.base
+        """Race changes that are not causes, where a cause may be reported: in place of all causes, and of each one."""
+        own = self.selection
         best = own.best if own.discrepancy else own.adequate
         # No change of a structure changes the quantity of the data.
         if (
@@ -342,14 +342,19 @@ class Search:
         ):
             self._report.plan("alternatives", 0)
             return
-        extensions, _ = list_variants(base, ALTERNATIVES)
-        effects = [effect for effect in directions(base, extensions, own.workers) if effect.slopes.shape[1]]
-        own.evaluations += len(effects)
-        rivals = Neighbourhood(
-            (), base, rank(effects, own.penalty), best.fit.values, best.fit.chi_square, alternatives=True
-        )
-        for alternative in race(rivals, own, self._report):
-            own.alternatives = best_of_each([*own.alternatives, alternative])
+        fewer = [tuple(each for each in best.variants if each != dropped) for dropped in best.variants]
+        for kept in dict.fromkeys([(), *fewer]):
+            root = self._refit(kept, best.fit.values) if kept else own.base
+            if root is None:
+                continue
+            extensions, _ = list_variants(root, ALTERNATIVES)
+            effects = [effect for effect in directions(root, extensions, own.workers) if effect.slopes.shape[1]]
+            own.evaluations += len(effects)
+            alternatives = Neighbourhood(
+                kept, root, rank(effects, own.penalty), best.fit.values, best.fit.chi_square, alternatives=True
+            )
+            for alternative in race(alternatives, own, self._report):
+                own.alternatives = best_of_each([*own.alternatives, alternative])
 
     def _race(self, neighbourhood: Neighbourhood) -> None:
         """Add the results of a race to the selection."""

@@ -19,8 +19,6 @@ BLOCKS = 120
 
 TIE = 0.01
 """Difference of evidence below which two explanations are equal: fits end within less than this of their optimum."""
-DIFFERENT_END = 1e-2
-"""Distance of two end points, as a share of the range of a variable, from which they count as different."""
 EVALUATIONS = 100
 """Most evaluations of a fit on all lines."""
 EVALUATIONS_OF_BASE = 200
@@ -58,9 +56,6 @@ OTHER_QUANTITY = 0.3
 """Median error of the logarithm of a receptance from which another measured quantity is tried."""
 VARIANTS_FITTED = 3
 """Variants of each cause that are fitted, the highest predicted evidence first."""
-VARIANTS_AGAIN = 12
-"""Other variants of the best cause that are fitted from its values where it is not adequate: all those of a joint along
-the insertion."""
 PREDICTED_SHARE = 0.1
 """Share of the highest predicted evidence below which a variant is not fitted, where predictions are reliable."""
 COLUMNS_TOGETHER = 64
@@ -90,8 +85,6 @@ SCREENING_LIMIT = 20.0
 KEPT_ON_INTERRUPT = 3
 """Causes that are evaluated on all lines when a selection is interrupted before their fits, and candidates of the
 answer: each needs its look-alikes and intervals."""
-FINISHED = 3
-"""Look-alikes of the best cause, and alternatives, that are fitted on all lines."""
 LEADING_CAUSES = 4
 """Causes whose best variant is fitted on all lines in any case where the model without them is not adequate."""
 BEHIND = 60.0
