@@ -18,7 +18,6 @@ from receptance.diagnosis.line_selection import on_few_lines, thin
 from receptance.diagnosis.model import Model, UndecidableError
 from receptance.diagnosis.thresholds import (
     AT_BOUND,
-    BEHIND,
     BLOCKS,
     CONTINUED_BASE,
     CONTINUED_STARTS,
@@ -382,23 +381,16 @@ class Exploration:
         return np.inf if self.best is None else self.best.misfit
 
     def go_on(self, starts: Sequence[Mapping[str, float]]) -> Exploration:
-        """Return it with the best ends fitted on, as far as they differ.
-
-        Further starts, each as in `refit`, are fitted first if no end is adequate.
-        """
-        is_adequate = self.misfit <= MISFIT_LIMIT
-        short = list(self.ends)
-        if starts and not is_adequate:
-            short += _short_fits(self.model, self.problem, starts)
-        found: list[End] = []
-        for end in sorted(short, key=lambda end: end.cost)[:CONTINUED_STARTS]:
-            # A start that is far behind an adequate end is not needed.
-            is_behind = bool(found) and is_adequate and found[0].cost <= end.cost - 0.5 * BEHIND
-            if not (end.converged or is_behind):
-                end = self.problem.fit_one(end.x, EVALUATIONS_EXPLORING, least=CONVERGED)
-            found.append(end)
-        found.sort(key=lambda end: end.cost)
-        return Exploration(self.model, self.problem, tuple(found), self.problem.evaluations)
+        """Return it with the best ends fitted on, and with fits from further starts if no end is adequate."""
+        ends = list(self.ends)
+        if starts and self.misfit > MISFIT_LIMIT:
+            ends += _short_fits(self.model, self.problem, starts)
+        ends = [
+            end if end.converged else self.problem.fit_one(end.x, EVALUATIONS_EXPLORING, least=CONVERGED)
+            for end in sorted(ends, key=lambda end: end.cost)[:CONTINUED_STARTS]
+        ]
+        ends.sort(key=lambda end: end.cost)
+        return Exploration(self.model, self.problem, tuple(ends), self.problem.evaluations)
 
     def finish(self) -> Fit | None:
         """Return the fit on all lines from the best end; None where the model has no value on all lines."""
