@@ -59,7 +59,7 @@ class Neighbourhood:
         groups = starts_of(rival, self.root)
         if self.near:
             joint = {name: self.near[name] for name in selection.base.values}
-            groups[0] = [*({**start, **joint} for start in groups[0]), {**groups[0][0], **self.near}]
+            groups = [[{**groups[0][0], **self.near}, {**groups[0][-1], **joint}]]
         if self.kept:
             alone = [single.fit for single in selection.singles if single.variants[0] == rival.variant]
             groups[0] += starts_from_singles(selection.base, alone, self.root)
