@@ -11,6 +11,7 @@ from receptance.diagnosis.causes import Cause, Parameter, Variant, parameters_of
 from receptance.diagnosis.fitting import DiscrepancyFit, Fit
 from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.screening import Direction
+from receptance.diagnosis.text import Size
 from receptance.diagnosis.thresholds import BEHIND, BEHIND_SHARE, SINGLES_HELD_OUT
 from receptance.fit.adequacy import Adequacy, misfit_limit
 from receptance.fit.discrepancy import Discrepancy
@@ -46,6 +47,12 @@ class Explanation:
     def title(self) -> str:
         """Names of the causes, in the order in which they were added."""
         return " + ".join(variant.cause.title for variant in self.variants)
+
+    @property
+    def place(self) -> str:
+        """What an alternative is, and where, such as "a mass at 30 % of tool"."""
+        (variant,) = self.variants
+        return f"{variant.meaning} {variant.name}"
 
     @property
     def adequacy(self) -> Adequacy:
@@ -96,6 +103,15 @@ class Explanation:
             return tuple(outside)
         interval = self.fit.identification.interval
         return tuple(name for name in outside if not self.parameters[name].is_plausible(*interval(name)))
+
+    def implausible_sizes(self, cause: Cause | None = None) -> list[Size]:
+        """Return the sizes outside their plausible range, with this range: all, or those of a cause."""
+        pairs = [(name, self.parameters[name]) for name in self.implausible]
+        return [
+            Size.of(name, parameter, self.fit.values[name], *parameter.plausible)
+            for name, parameter in pairs
+            if cause is None or parameter.cause == cause.id
+        ]
 
     @property
     def extraordinary(self) -> tuple[str, ...]:

@@ -17,9 +17,10 @@ from receptance.diagnosis.by_mode import Bias, ModeResidual, bias_of, curve_of, 
 from receptance.diagnosis.causes import parameters_of, transfer
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
 from receptance.diagnosis.fitting import Fit, in_parallel, refit
-from receptance.diagnosis.judgement import conclude, is_of_one, only_improved
+from receptance.diagnosis.judgement import Answer, Judgement, conclude, is_of_one, only_improved
 from receptance.diagnosis.model import IndescribableError, Model
 from receptance.diagnosis.progress import Progress
+from receptance.diagnosis.text import Reason
 from receptance.diagnosis.thresholds import EVALUATIONS_OF_PREDICTION, FOLDS
 from receptance.errors import ReceptanceError
 from receptance.fit.covariance import confidence_multiplier
@@ -235,7 +236,7 @@ def count_folds(model: Model) -> int:
     return min(count, FOLDS) if count > 1 else 0
 
 
-def improvement(
+def improvement_on(
     selection: Selection,
     best: Explanation | None,
     held_out: Model,
@@ -510,7 +511,22 @@ def _correlated_variance(groups: Sequence[NDArray[np.float64]]) -> tuple[float, 
     return variance, shared / variance if variance > 0.0 else 0.0, size
 
 
-def doubt_prediction(base: Fit, one: Explanation, gain: Gain) -> str | None:
+def doubted(judgement: Judgement, base: Fit, improvement: Improvement) -> Judgement:
+    """Return a judgement, doubted where held-out data contradict its only explanation.
+
+    What was named is then suspected, and what was partly explained is unexplained. Folds that are not complete show
+    nothing.
+    """
+    if judgement.answer not in ("named", "partly explained") or not improvement.complete or not improvement.gains:
+        return judgement
+    doubt = doubt_prediction(base, judgement.reported[0], improvement.gains[0])
+    if doubt is None:
+        return judgement
+    answer: Answer = "suspected" if judgement.answer == "named" else "unexplained"
+    return replace(judgement, answer=answer, reasons=(*judgement.reasons, doubt))
+
+
+def doubt_prediction(base: Fit, one: Explanation, gain: Gain) -> Reason | None:
     """Return why held-out data contradict the only explanation; None where they do not.
 
     Causes that act in all configurations must improve the prediction of those that are left out. One that acts in a
@@ -528,8 +544,6 @@ def doubt_prediction(base: Fit, one: Explanation, gain: Gain) -> str | None:
     if gain.held_out_after < gain.held_out_before or is_of_one(one) or only_improved(base, one) is not None:
         return None
     if all(fold["before"] == fold["after"] for fold in gain.folds):
-        return f"{one.title} is in no prediction of configurations that were left out"
-    return (
-        f"with {one.title} predictions of configurations that were left out are not better ({gain.metric}): "
-        f"{gain.held_out_before:.4g} before, {gain.held_out_after:.4g} after"
-    )
+        return Reason("not_predicted", {"title": one.title})
+    values = {"metric": gain.metric, "before": gain.held_out_before, "after": gain.held_out_after}
+    return Reason("not_better", {"title": one.title, **values})
