@@ -184,7 +184,7 @@ def diagnose(
 
 @dataclass(frozen=True)
 class _Outcome:
-    """A selection, without a discrepancy or with one, and what follows from it."""
+    """A selection, without a discrepancy or with one, and what follows from it; fields as of `Verdict`."""
 
     selection: Selection
     judgement: Judgement

@@ -140,12 +140,7 @@ def best_of_each(found: Iterable[Explanation]) -> list[Explanation]:
 def behind_limit(without: float, found: Iterable[float]) -> float:
     """Return the largest chi-square that an explanation may have to be fitted on all lines.
 
-    Parameters
-    ----------
-    without : float
-        Chi-square without a cause.
-    found : iterable of float
-        Chi-square of the explanations.
+    It follows from chi-square without a cause and that of the explanations.
     """
     best = min([without, *found])
     return best + BEHIND + BEHIND_SHARE * (without - best)

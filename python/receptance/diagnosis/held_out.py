@@ -242,19 +242,7 @@ def improvement_on(
     held_out: Model,
     metrics: Mapping[str, Metric] | None = None,
 ) -> Improvement:
-    """Return the improvement by an explanation on observations that were not fitted.
-
-    Parameters
-    ----------
-    selection : Selection
-        The fits.
-    best : Explanation or None
-        The explanation.
-    held_out : Model
-        The base with the held-out observations and their tolerances.
-    metrics : mapping of str to callable, optional
-        User-defined metrics.
-    """
+    """Return the improvement by an explanation on the observations of a base model, which were not fitted."""
     answer = conclude(selection).answer
     each = {name: replace(held_out, observations=held_out.of([name])) for name in held_out.configurations}
     folds = [_fold(name, answer, selection, best, own, metrics) for name, own in each.items()]
@@ -530,16 +518,8 @@ def doubt_prediction(base: Fit, one: Explanation, gain: Gain) -> Reason | None:
     """Return why held-out data contradict the only explanation; None where they do not.
 
     Causes that act in all configurations must improve the prediction of those that are left out. One that acts in a
-    single configuration cannot: without it nothing shows the cause, and the others do not have it.
-
-    Parameters
-    ----------
-    base : Fit
-        The model without causes.
-    one : Explanation
-        The explanation.
-    gain : Gain
-        The first metric of the improvement, an error.
+    single configuration cannot: without it nothing shows the cause, and the others do not have it. `gain` is the first
+    metric of the improvement, an error.
     """
     if gain.held_out_after < gain.held_out_before or is_of_one(one) or only_improved(base, one) is not None:
         return None

@@ -162,10 +162,7 @@ def odds(difference: float) -> str:
 def share(before: float, after: float, noise: float = 1.0) -> str:
     """Return the share of the misfit above the noise that is explained, in percent; empty where there is none.
 
-    Parameters
-    ----------
-    before, after, noise : float
-        Chi-square divided by its expectation.
+    Misfits are chi-square divided by its expectation.
 
     Examples
     --------
