@@ -143,9 +143,7 @@ def main() -> int:
         cases.append((draw_case(options.seed, number, kind, tuple(effects))[0], tuple(effects)))
     with_all, seconds = diagnose(cases)
     right, wrong = sum(each.is_right for each in with_all), sum(each.is_wrong for each in with_all)
-    print(
-        f"{len(cases)} cases, seed {options.seed}: {right} right, {wrong} certain and wrong, {seconds:.0f} s of processor"
-    )
+    print(f"{len(cases)} cases, seed {options.seed}: {right} right, {wrong} certain and wrong, {seconds:.0f} s")
     print(f"{'switched off':<58} {'changed':>7} {'lost':>4} {'won':>4} {'wrong':>9} {'time':>5}", flush=True)
     rows = []
     for rule in rules:

@@ -28,7 +28,7 @@ def diagnosis_pairs(lines: int) -> Iterator[Pair]:
     data = [_delayed(one) for one in made.observations]
 
     def diagnosed() -> Verdict:
-        return diagnose(data, made.unknowns, tolerances=made.tolerances, causes=CAUSES, most=1, threads=1)
+        return diagnose(data, made.unknowns, tolerances=made.tolerances, causes=CAUSES, max_causes=1, threads=1)
 
     def step_by_step() -> Verdict:
         with mock.patch.object(Problem, "fit", _fit_by_scipy):

@@ -57,7 +57,7 @@ alone = identify(observations[1], joint, strategy="staged", starts=2)
 ratios = [alone.values[f"joint.{name}"] / getattr(truth, name) for name in ("k_y", "k_theta")]
 print(f"the fit to 70 mm alone: k_y {ratios[0]:.2f} and k_theta {ratios[1]:.2f} of the true values")
 tried = ["sensor_mass", "hammer_offset", "overhang_error", "tool_density", "calibration_gain"]
-verdict = diagnose(observations, joint, tolerances=tolerances, causes=tried, most=1)
+verdict = diagnose(observations, joint, tolerances=tolerances, causes=tried, max_causes=1)
 print(verdict.verdict, [cause.id for cause in verdict.causes])
 mass, low, high = verdict.causes[0].parameters["sensor_mass.mass"]
 print(f"mass {1e3 * mass:.2f} g, 95 % interval {1e3 * low:.2f} to {1e3 * high:.2f} g; in fact 1 g")

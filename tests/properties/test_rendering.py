@@ -19,7 +19,7 @@ import receptance as rc
 from receptance.diagnosis import Verdict, diagnose
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE
 from receptance.diagnosis.presentation import of_metric
-from receptance.diagnosis.wording import sizes
+from receptance.diagnosis.text import sizes
 from receptance.fit import profile_likelihoods
 from receptance.report import Renderable, Result
 from receptance.report.figure import as_image
@@ -133,8 +133,8 @@ def test_causes_with_awkward_sizes_are_rendered(data: st.DataObject) -> None:
     assert isinstance(verdict, Verdict)
     cause = next(one for one in verdict.candidates)
     damaged = copy.copy(cause)
-    vars(damaged)["parameters"] = {name: tuple(data.draw(AWKWARD) for _ in range(3)) for name in cause.declared}
-    assert " (95 %: " in sizes(damaged.parameters, damaged.declared)
+    vars(damaged)["parameters"] = {name: tuple(data.draw(AWKWARD) for _ in range(3)) for name in cause.parameters}
+    assert " (95 %: " in sizes(damaged.parameters, damaged.explanation.parameters)
 
 
 @pytest.mark.parametrize("name", ["identification", "profiles", "frf", "verdict"])

@@ -447,7 +447,7 @@ def test_a_cause_beside_unknown_modes_is_written(tmp_path: Path, modes: str) -> 
     again = campaign.load(campaign.write_extended(given, found, tmp_path / "extended.toml"))
     assert again.identify().rms == pytest.approx(found.explanation.fit.misfit**0.5, abs=0.05)
     # The lines of the answer leave the modes to the next fit.
-    lines = with_campaign_lines(given, found).campaign_lines
+    lines = with_campaign_lines(given, found).campaign.lines
     assert not any("spindle" in line for line in lines)
     shorter = tmp_path / "shorter.toml"
     shorter.write_text(tomli_w.dumps(merged(given.contents, lines)))

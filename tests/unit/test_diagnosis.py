@@ -78,7 +78,7 @@ def test_unequally_correlated_lines_are_adequate() -> None:
         frf = FRF(frequency_hz=LINES, values=values, log_variance=1e-4, correlated_lines=correlated)
         data.append(Observation.from_frf(make_assembly(x), frf, label=f"{x}"))
     assert [one.independent_values for one in data] == pytest.approx([2.0 * (200.0 + 100.0 / 24.0)] * 3)
-    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=FEW, most=1)
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=FEW, max_causes=1)
     assert verdict.verdict == "adequate"
     assert verdict.adequacy.misfit == pytest.approx(1.0, abs=0.15)
     assert verdict.adequacy.smooth < 1.25
@@ -92,17 +92,17 @@ def test_no_verdict_from_too_few_numbers() -> None:
     found = true.natural_frequencies(60e3)
     for count, answer in ((2, "undecided"), (4, "adequate")):
         data = Observation.from_modes(assembly=true, frequency_hz=found[:count], standard_deviation_hz=5.0)
-        verdict = diagnose(data, JOINT[1], tolerances=TOLERANCES, causes=["tool_density", "sensor_mass"], most=1)
+        verdict = diagnose(data, JOINT[1], tolerances=TOLERANCES, causes=["tool_density", "sensor_mass"], max_causes=1)
         assert verdict.verdict == answer
     data = Observation.from_modes(assembly=true, frequency_hz=found[:2], standard_deviation_hz=5.0)
-    verdict = diagnose(data, JOINT[1], causes=["tool_density", "sensor_mass"], most=1)
+    verdict = diagnose(data, JOINT[1], causes=["tool_density", "sensor_mass"], max_causes=1)
     assert verdict.adequacy.misfit < 1e-3
-    assert "1 degree of freedom is left, expected at least 3" in verdict.summary(1000)
+    assert "degrees of freedom: 1, expected at least 3" in verdict.summary(1000)
     assert "the model cannot be judged" in verdict.summary(1000)
     assert verdict.next_measurement is not None
     # One degree of freedom can refute the model, but no cause is named.
     data = Observation.from_modes(assembly=true, frequency_hz=found[:2] * [1.0, 0.9], standard_deviation_hz=5.0)
-    verdict = diagnose(data, JOINT[1], causes=["tool_density", "sensor_mass"], most=1)
+    verdict = diagnose(data, JOINT[1], causes=["tool_density", "sensor_mass"], max_causes=1)
     assert verdict.verdict in ("unexplained", "suspected", "ambiguous")
 
 
@@ -148,11 +148,11 @@ def test_causes_of_the_chain_apply_to_frfs_only() -> None:
     ]
     chain = ["calibration_gain", "time_delay", "exponential_window", "hammer_offset", "wrong_quantity", "sensor_mass"]
     for data in (make_observations(factor=1.05, overhangs=(0.07,)), make_observations(factor=1.05)):
-        verdict = diagnose([*data, *frequencies], JOINT, tolerances=TOLERANCES, causes=chain, most=1)
+        verdict = diagnose([*data, *frequencies], JOINT, tolerances=TOLERANCES, causes=chain, max_causes=1)
         assert [one.id for one in verdict.causes] == ["calibration_gain"]
         (_, low, high), *_ = verdict.causes[0].parameters.values()
         assert low < np.log(1.05) < high
-        assert any("by the FRFs alone" in note for note in verdict.notes)
+        assert "frequencies_and_frfs" in [reason.code for reason in verdict.reasons]
 
 
 def test_hit_offsets_are_found_at_tip_and_nose() -> None:
@@ -177,7 +177,7 @@ def test_hit_offsets_are_found_at_tip_and_nose() -> None:
     tip, beside = Coordinate("tool", 0.0), Coordinate("tool", 4e-4)
     observations = [measured_at(x, tip, beside) for x in (0.05, 0.07)] + [measured_at(0.05, nose, nose)]
     causes = ["hammer_offset", "sensor_mass", "fluted_part"]
-    verdict = diagnose(observations, JOINT, tolerances=TOLERANCES, causes=causes, most=1)
+    verdict = diagnose(observations, JOINT, tolerances=TOLERANCES, causes=causes, max_causes=1)
     assert verdict.verdict == "named"
     assert [(one.id, one.variant) for one in verdict.causes] == [("hammer_offset", "on tool at 0 mm")]
     _, low, high = verdict.causes[0].parameters["hammer_offset.distance"]
@@ -199,9 +199,10 @@ def test_no_cause_is_named_from_one_configuration() -> None:
         )
         for one in make_observations(overhangs=(0.08,))
     ]
-    verdict = diagnose(stiffer, JOINT, tolerances=TOLERANCES, causes=["tool_modulus"], most=1)
+    verdict = diagnose(stiffer, JOINT, tolerances=TOLERANCES, causes=["tool_modulus"], max_causes=1)
     assert verdict.verdict != "named"
     assert any("one configuration does not distinguish the joint from the parts" in note for note in verdict.notes)
+    assert "single_configuration" in [reason.code for reason in verdict.reasons]
     assert verdict.next_measurement is not None
     assert verdict.next_measurement.action == "measure another overhang"
 
@@ -219,7 +220,7 @@ def test_notes_on_one_configuration_mention_a_joint_only_if_there_is_one() -> No
         label="bar",
     )
     unknowns = [Unknown(address="bar.segment[0].loss_factor", lower=1e-5, upper=0.1)]
-    verdict = diagnose(measured, unknowns, causes=["tool_density", "tool_modulus"], most=1)
+    verdict = diagnose(measured, unknowns, causes=["tool_density", "tool_modulus"], max_causes=1)
     assert verdict.verdict == "suspected"
     assert any("one configuration does not distinguish one error of the parts" in note for note in verdict.notes)
     assert verdict.next_measurement is not None
@@ -249,13 +250,13 @@ def test_no_cause_is_named_from_one_mode(listed: bool) -> None:
             Observation(assembly=make_assembly(x), frequency_hz=lines, receptance=values, standard_deviation=0.0105)
         )
     data = [altered(one, label=f"{i}") for i, one in enumerate(data)]
-    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["tool_density"], most=1)
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["tool_density"], max_causes=1)
     assert verdict.verdict != "named"
-    assert any("one mode" in note for note in verdict.notes)
+    assert "single_mode" in [reason.code for reason in verdict.reasons]
     if verdict.verdict != "adequate":
         assert "second mode" in str(verdict.next_measurement)
-    several = diagnose(make_observations(), JOINT, tolerances=TOLERANCES, causes=["tool_density"], most=1)
-    assert not any("one mode" in note for note in several.notes)
+    several = diagnose(make_observations(), JOINT, tolerances=TOLERANCES, causes=["tool_density"], max_causes=1)
+    assert not {"single_mode", "one_mode"} & {reason.code for reason in several.reasons}
 
 
 def test_undecidable_verdict_names_missing_measurements() -> None:
@@ -263,7 +264,7 @@ def test_undecidable_verdict_names_missing_measurements() -> None:
     with pytest.raises(UndecidableError, match="force"):
         CATALOGUE["joint_amplitude"].variants(model)
     verdict = diagnose(
-        make_observations(), JOINT, tolerances=TOLERANCES, causes=["joint_amplitude", "sensor_mass"], most=1
+        make_observations(), JOINT, tolerances=TOLERANCES, causes=["joint_amplitude", "sensor_mass"], max_causes=1
     )
     assert "force" in verdict.undecidable["joint_amplitude"]
 
@@ -271,11 +272,11 @@ def test_undecidable_verdict_names_missing_measurements() -> None:
 @pytest.mark.slow
 def test_an_unusual_size_is_suspected_and_shown() -> None:
     verdict = diagnose(
-        make_observations(PointMass(mass=0.06)), JOINT, tolerances=TOLERANCES, causes=["sensor_mass"], most=1
+        make_observations(PointMass(mass=0.06)), JOINT, tolerances=TOLERANCES, causes=["sensor_mass"], max_causes=1
     )
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("suspected", ["sensor_mass"])
     assert verdict.vetoed == ()
-    size = f"mass {1e3 * verdict.causes[0].parameters['sensor_mass.mass'][0]:.1f} g, where 0.0 g to 30.0 g is plausible"
+    size = f"mass {1e3 * verdict.causes[0].parameters['sensor_mass.mass'][0]:.1f} g (plausible: 0.0 to 30.0 g)"
     note = f"its size is unusual: {size}; check the drawing or the stated value"
     assert note in verdict.summary(1000)
     assert verdict.to_dict()["causes"][0]["vetoed"] == size
@@ -337,17 +338,17 @@ def test_another_material_is_named(stated: Material, true: Material, name: str) 
 @pytest.mark.slow
 def test_impossible_material_is_vetoed_and_heavier_grade_is_accepted() -> None:
     heavier = replace(CARBIDE, density=1.06 * CARBIDE.density)
-    verdict = diagnose(of_material(CARBIDE, heavier), JOINT, tolerances=TOLERANCES, causes=MATERIALS, most=1)
+    verdict = diagnose(of_material(CARBIDE, heavier), JOINT, tolerances=TOLERANCES, causes=MATERIALS, max_causes=1)
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["tool_density"])
     odd = replace(STEEL, youngs_modulus=1.5 * STEEL.youngs_modulus, density=1.5 * STEEL.density)
-    verdict = diagnose(of_material(STEEL, odd), JOINT, tolerances=TOLERANCES, causes=MATERIALS, most=1)
+    verdict = diagnose(of_material(STEEL, odd), JOINT, tolerances=TOLERANCES, causes=MATERIALS, max_causes=1)
     assert verdict.verdict == "unexplained"
     assert "tool_material" in [one.id for one in verdict.vetoed]
 
 
 def test_a_material_is_only_tried_where_the_model_is_not_adequate() -> None:
     verdict = diagnose(
-        make_observations(), JOINT, tolerances=TOLERANCES, causes=["tool_material", "sensor_mass"], most=1
+        make_observations(), JOINT, tolerances=TOLERANCES, causes=["tool_material", "sensor_mass"], max_causes=1
     )
     assert verdict.verdict == "adequate"
     assert [one.id for one in verdict.candidates] == ["sensor_mass"]
@@ -355,7 +356,9 @@ def test_a_material_is_only_tried_where_the_model_is_not_adequate() -> None:
 
 def test_the_same_seed_gives_the_same_answer() -> None:
     first, parallel = (
-        diagnose(make_observations(factor=1.02), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, threads=threads)
+        diagnose(
+            make_observations(factor=1.02), JOINT, tolerances=TOLERANCES, causes=FEW, max_causes=1, threads=threads
+        )
         for threads in (1, 2)
     )
     assert first.to_dict() == parallel.to_dict()
@@ -400,7 +403,7 @@ def test_interruption_returns_a_preliminary_result(what: str, times: int, tried:
     """In the base fit, and beside the alternatives."""
     lines, progress = stopping(what, times)
     verdict = diagnose(
-        make_observations(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW, most=1, progress=progress
+        make_observations(factor=1.05), JOINT, tolerances=TOLERANCES, causes=FEW, max_causes=1, progress=progress
     )
     assert not verdict.final
     assert verdict.verdict in ("undecided", "suspected", "ambiguous")
@@ -410,7 +413,8 @@ def test_interruption_returns_a_preliminary_result(what: str, times: int, tried:
         assert (verdict.verdict, [one.id for one in verdict.causes]) == ("suspected", ["calibration_gain"])
     text = verdict.summary(1000)
     assert f"{verdict.verdict}, not final: " in text
-    assert f"interrupted in step {len(lines)} of about" in text
+    assert verdict.reasons[0].code == "causes_not_tried"
+    assert f" in step {len(lines)} of about" in text
     assert ("not fitted yet" in text) == (tried == 0)
     written = json.loads(json.dumps(verdict.to_dict(), allow_nan=False))
     assert written["final"] is False
@@ -427,7 +431,7 @@ def test_an_interruption_of_the_folds_keeps_the_verdict() -> None:
         JOINT,
         tolerances=TOLERANCES,
         causes=FEW,
-        most=1,
+        max_causes=1,
         held_out=True,
         progress=progress,
     )
@@ -437,6 +441,7 @@ def test_an_interruption_of_the_folds_keeps_the_verdict() -> None:
         ["calibration_gain"],
     )
     assert [one["configuration"] for one in verdict.gains[0].folds] == ["0.05", "0.07"]
+    assert verdict.reasons[0].code == "interrupted"
     assert any("all causes were tried" in note for note in verdict.notes)
 
 
@@ -696,7 +701,7 @@ def test_a_spread_joint_is_named_with_a_response_on_the_holder() -> None:
 
     observations = [measured_at(x, place) for x in (0.05, 0.07, 0.09) for place in (PLACES[0], far)]
     few = ["joint_spread", "sensor_mass", "overhang_error", "hammer_offset"]
-    verdict = diagnose(observations, JOINT, tolerances=TOLERANCES, causes=few, most=1)
+    verdict = diagnose(observations, JOINT, tolerances=TOLERANCES, causes=few, max_causes=1)
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["joint_spread"])
     _, low, high = verdict.causes[0].parameters["joint_spread.length"]
     assert low < 0.02 < high
@@ -715,5 +720,5 @@ def test_response_within_the_contact_excludes_a_spread_joint() -> None:
     ]
     with pytest.raises(UndecidableError, match="holder at 0 mm"):
         CATALOGUE["joint_spread"].extensions(Model(tuple(observations), tuple(STARTED)))
-    verdict = diagnose(observations, STARTED, causes=["joint_spread", "calibration_gain"], most=1)
+    verdict = diagnose(observations, STARTED, causes=["joint_spread", "calibration_gain"], max_causes=1)
     assert "holder at 0 mm" in verdict.undecidable["joint_spread"]

@@ -180,7 +180,7 @@ def test_indistinguishable_losses_are_listed(selection: Selection) -> None:
 def test_verdict_contains_the_advice() -> None:
     model = make_observations(5e-4)
     verdict = diagnose(
-        model.observations, JOINT, tolerances=TOLERANCES, causes=["sensor_mass", "hammer_offset"], most=1
+        model.observations, JOINT, tolerances=TOLERANCES, causes=["sensor_mass", "hammer_offset"], max_causes=1
     )
     if verdict.verdict == "ambiguous":
         assert verdict.next_measurement is not None

@@ -99,8 +99,8 @@ def test_noise_of_a_table_is_no_error_of_the_model() -> None:
     verdict = diagnose(measured(table(rng), rng), JOINT, tolerances=TOLERANCES)
     assert verdict.verdict == "adequate"
     assert set(verdict.undecidable) > IN_THE_HOLDER
-    (note,) = (one for one in verdict.notes if one.startswith("the holder is described by data"))
-    assert all(id in note for id in IN_THE_HOLDER)
+    (reason,) = (one for one in verdict.reasons if one.code == "holder_by_data")
+    assert set(reason.values["causes"]) == IN_THE_HOLDER
     assert not IN_THE_HOLDER & {one.id for one in verdict.candidates}
 
 
@@ -120,8 +120,9 @@ def test_the_variance_bounds_the_errors_that_records_share() -> None:
     stated, widened = [], []
     for _ in range(12):
         observed = tuple(measured(table(rng), rng))
-        changed, notes = with_table_noise(Model(observed, tuple(JOINT), tuple(TOLERANCES)))
-        assert any("6 records includes the errors of holder" in note for note in notes)
+        changed, reasons = with_table_noise(Model(observed, tuple(JOINT), tuple(TOLERANCES)))
+        assert [(one.code, one.values["errors"].parts) for one in reasons] == [("spindle_errors", ("holder",))]
+        assert reasons[0].values["errors"].records == 6
         for rows, records in ((stated, observed), (widened, changed.observations)):
             rows.append([np.log(a.receptance / a.assembly.receptance(LINES)) / a.standard_deviation for a in records])
 

@@ -140,7 +140,7 @@ def found(scale: float, order: int, *places: Coordinate, materials: float) -> Ve
         for number, (x, place) in enumerate((x, place) for x in OVERHANGS for place in places)
     ]
     causes = ("frequency_scale", "calibration_gain", "tool_density", "tool_modulus", "holder_modulus", "holder_inertia")
-    return diagnose(data, JOINT, tolerances=tolerances, causes=causes, most=1)
+    return diagnose(data, JOINT, tolerances=tolerances, causes=causes, max_causes=1)
 
 
 @pytest.mark.parametrize("order", [0, 2])

@@ -71,7 +71,7 @@ def test_gains_in_all_metrics_and_a_custom_metric() -> None:
         JOINT,
         tolerances=clamping(0.06, 0.08, 0.1),
         causes=["tool_density", "calibration_gain"],
-        most=1,
+        max_causes=1,
         held_out=True,
         metrics={"first peak": first_peak},
     )
@@ -242,13 +242,17 @@ def test_a_cause_that_predicts_no_better_is_suspected_only() -> None:
     ]
     tolerances = [*materials(0.01, 0.003), *clamping(*overhangs)]
     causes = ["calibration_gain", "sensor_mass", "joint_cross_term"]
-    assert diagnose(data, JOINT, tolerances=tolerances, causes=causes, most=1).verdict == "named"
-    verdict = diagnose(data, JOINT, tolerances=tolerances, causes=causes, most=1, held_out=True)
+    assert diagnose(data, JOINT, tolerances=tolerances, causes=causes, max_causes=1).verdict == "named"
+    verdict = diagnose(data, JOINT, tolerances=tolerances, causes=causes, max_causes=1, held_out=True)
     assert verdict.gain is not None
     assert verdict.gain.held_out_after > verdict.gain.held_out_before
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("suspected", ["calibration_gain"])
-    before, after = verdict.gain.held_out_before, verdict.gain.held_out_after
-    assert any(f"not better ({SPECTRAL}): {before:.4g} before, {after:.4g} after" in note for note in verdict.notes)
+    (doubt,) = [reason for reason in verdict.reasons if reason.code == "not_better"]
+    assert doubt.values["metric"] == SPECTRAL
+    assert (doubt.values["before"], doubt.values["after"]) == (
+        verdict.gain.held_out_before,
+        verdict.gain.held_out_after,
+    )
 
 
 def test_a_forgotten_sensor_is_named_and_the_interval_of_the_improvement_excludes_zero() -> None:
@@ -260,7 +264,7 @@ def test_a_forgotten_sensor_is_named_and_the_interval_of_the_improvement_exclude
     ]
     tolerances = [*materials(0.01, 0.005), *clamping(*overhangs)]
     causes = ["sensor_mass", "calibration_gain"]
-    verdict = diagnose(data, JOINT, tolerances=tolerances, causes=causes, most=1, held_out=True)
+    verdict = diagnose(data, JOINT, tolerances=tolerances, causes=causes, max_causes=1, held_out=True)
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["sensor_mass"])
     assert verdict.gain is not None
     assert verdict.gain.units > 3
@@ -278,18 +282,18 @@ def test_a_cause_that_predicts_better_or_acts_in_one_configuration_is_named(wher
     ]
     tolerances = [*materials(0.01, 0.005), *clamping(0.06, 0.08, 0.1)]
     verdict = diagnose(
-        data, JOINT, tolerances=tolerances, causes=["calibration_gain", "sensor_mass"], most=1, held_out=True
+        data, JOINT, tolerances=tolerances, causes=["calibration_gain", "sensor_mass"], max_causes=1, held_out=True
     )
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["calibration_gain"])
     assert verdict.causes[0].variant == ("all" if where is None else data[where].label)
     assert verdict.explanation is not None
     assert verdict.gain is not None
     # Had the prediction become worse, or had no fold the cause:
-    for after, words in ((0.06, "not better"), (0.05, "in no prediction")):
+    for after, code in ((0.06, "not_better"), (0.05, "not_predicted")):
         fold = {"configuration": "0.06", "verdict": "named", "causes": [], "before": 0.05, "after": after}
         gain = replace(verdict.gain, held_out_before=0.05, held_out_after=after, folds=(fold,))
         doubt = doubt_prediction(verdict.selection.base, verdict.explanation, gain)
-        assert doubt is None if where is not None else words in str(doubt)
+        assert (None if doubt is None else doubt.code) == (code if where is None else None)
 
 
 def test_bad_metrics() -> None:

@@ -250,7 +250,7 @@ def test_diagnosis_of_an_axial_chain() -> None:
     data = Observation.from_modes(assembly=chain, frequency_hz=modes, standard_deviation_hz=3e-3 * modes, label="chain")
     also = {"s0.k_y": 1.0, "s1.k_y": 1.0}
     stiffness = Unknown(address="ground.k_y", lower=1e3, upper=1e5, also=also)
-    verdict = diagnose([data], [stiffness], fast=True, most=1)
+    verdict = diagnose([data], [stiffness], fast=True, max_causes=1)
     assert verdict.verdict in ("adequate", "undecided")
     assert verdict.undecidable["joint_spread"]
 

@@ -37,7 +37,7 @@ def make_observations(overhang: float, factor: Any = 1.0, joint: PointJoint = TR
 def test_folds_exclude_their_held_out_data() -> None:
     """One overhang was clamped differently: fits with it adapt, fits without it do not."""
     data = [make_observations(0.06), make_observations(0.08), make_observations(0.1, joint=replace(TRUE, k_theta=7e4))]
-    verdict = diagnose(data, JOINT, causes=["tool_density", "calibration_gain"], most=1, held_out=True)
+    verdict = diagnose(data, JOINT, causes=["tool_density", "calibration_gain"], max_causes=1, held_out=True)
     spectral = next(one for one in verdict.gains if one.metric == SPECTRAL)
     for index, fold in enumerate(spectral.folds):
         others = tuple(one for i, one in enumerate(data) if i != index)
@@ -67,7 +67,7 @@ def test_small_common_offset_is_not_noise() -> None:
 def test_explanations_within_the_margin_are_reported_and_others_are_not() -> None:
     data = [make_observations(x, 1.05) for x in (0.06, 0.08, 0.1)]
     ids = ["calibration_gain", "exponential_window"]
-    selection = diagnose(data, JOINT, causes=ids, most=1).selection
+    selection = diagnose(data, JOINT, causes=ids, max_causes=1).selection
     (best,) = [one for one in selection.singles if one.ids == {"calibration_gain"}]
     (other,) = [one for one in selection.singles if one.ids == {"exponential_window"}]
     for behind, answer in ((0.5 * MARGIN, "ambiguous"), (1.5 * MARGIN, "named")):

@@ -76,7 +76,7 @@ def suspected(model: Model, *names: str) -> tuple[Selection, list[Explanation]]:
 def test_a_mode_that_moved_is_named() -> None:
     model = measured([SPINDLE.with_values({"mode[1].frequency_hz": 2300.0 * 0.98})], [SPINDLE])
     causes = ["spindle_mode", "joint_cross_term", "tool_density", "calibration_gain", "missing_mode"]
-    verdict = diagnose(model.observations, JOINT, tolerances=TOLERANCES, causes=causes, most=1)
+    verdict = diagnose(model.observations, JOINT, tolerances=TOLERANCES, causes=causes, max_causes=1)
     assert verdict.verdict == "named"
     (cause,) = verdict.causes
     assert (cause.id, cause.variant) == ("spindle_mode", "mode at 2254 Hz")
@@ -155,7 +155,7 @@ def test_the_remedy_of_a_holder_in_a_spindle() -> None:
         lambda assembly: assembly.replace({"holder.segment[0].youngs_modulus": 0.75 * STEEL.youngs_modulus})
     )
     verdict = diagnose(
-        soft.observations, JOINT, tolerances=TOLERANCES, causes=["holder_modulus", "tool_density"], most=1
+        soft.observations, JOINT, tolerances=TOLERANCES, causes=["holder_modulus", "tool_density"], max_causes=1
     )
     (finding,) = [one for one in verdict.candidates if one.id == "holder_modulus"]
     assert "gauge blank in the same spindle" in finding.remedy
@@ -169,5 +169,5 @@ def test_model_without_spindle_modes_is_undecidable() -> None:
     data = Observation(
         assembly=free, frequency_hz=LINES, receptance=free.receptance(LINES) * 1.3, standard_deviation=0.02
     )
-    verdict = diagnose(data, JOINT, causes=["spindle_mode", "calibration_gain"], most=1)
+    verdict = diagnose(data, JOINT, causes=["spindle_mode", "calibration_gain"], max_causes=1)
     assert "does not end with a spindle" in verdict.undecidable["spindle_mode"]

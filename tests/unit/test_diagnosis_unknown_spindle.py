@@ -23,8 +23,8 @@ from receptance.diagnosis import CATALOGUE, Model
 from receptance.diagnosis.causes import parameters_of, transfer
 from receptance.diagnosis.fitting import evaluate
 from receptance.diagnosis.model import UndecidableError
+from receptance.diagnosis.text import sizes
 from receptance.diagnosis.unknown_spindle import fit_unstrained, with_any_spindle
-from receptance.diagnosis.wording import sizes
 from receptance.fit import Unknown
 from receptance.fit.observation import altered
 from variant_of_cause import variant_of

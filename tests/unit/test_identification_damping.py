@@ -238,7 +238,9 @@ def test_diagnosis_finds_a_non_viscous_loss() -> None:
     rng = np.random.default_rng(3)
     data = [measure(x, rng, c_y=30.0, c_theta=0.1, loss_factor=0.03) for x in (0.05, 0.065, 0.08, 0.1)]
     tolerances = [Tolerance(name="E", moves={"tool.segment[*].youngs_modulus": 0.002}, relative=True)]
-    verdict = diagnose(data, JOINT, tolerances=tolerances, causes=["joint_hysteretic_loss", "tool_density"], most=1)
+    verdict = diagnose(
+        data, JOINT, tolerances=tolerances, causes=["joint_hysteretic_loss", "tool_density"], max_causes=1
+    )
     assert [one.id for one in verdict.causes] == ["joint_hysteretic_loss"]
     before = residuals_by_mode(verdict.selection.base)
     after = residuals_by_mode(verdict.explanation.fit)

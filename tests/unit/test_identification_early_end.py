@@ -126,7 +126,7 @@ def test_early_end_is_detected_and_named(records: list[Observation]) -> None:
     assert -4e-4 < end - END_AT <= 0.0
     tolerance = Tolerance(name="carbide", moves={"tool.segment[*].youngs_modulus": 0.005}, relative=True)
     verdict = diagnose(
-        records, JOINT, tolerances=[tolerance], causes=["coarse_resolution", "exponential_window"], most=1
+        records, JOINT, tolerances=[tolerance], causes=["coarse_resolution", "exponential_window"], max_causes=1
     )
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["coarse_resolution"])
     (parameter,) = verdict.causes[0].parameters.values()

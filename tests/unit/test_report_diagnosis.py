@@ -54,7 +54,7 @@ def verdict() -> Any:
     bounds = {"k_y": (1e6, 1e11), "k_theta": (1e2, 1e8), "c_y": (1e-1, 1e6), "c_theta": (1e-4, 1e3)}
     unknowns = [Unknown(address=f"joint.{name}", lower=low, upper=high) for name, (low, high) in bounds.items()]
     causes = ["sensor_mass", "tool_density", "tool_modulus"]
-    return diagnose(observations, unknowns, causes=causes, most=1, held_out=True)
+    return diagnose(observations, unknowns, causes=causes, max_causes=1, held_out=True)
 
 
 @pytest.fixture(scope="module")
@@ -207,7 +207,7 @@ def test_natural_frequencies_without_an_explanation(tmp_path: Path) -> None:
         Unknown(address="joint.k_y", lower=1e6, upper=1e11),
         Unknown(address="joint.k_theta", lower=1e2, upper=1e8),
     ]
-    verdict = diagnose(observations, unknowns, causes=["tool_density", "collet_mass"], most=1, held_out=True)
+    verdict = diagnose(observations, unknowns, causes=["tool_density", "collet_mass"], max_causes=1, held_out=True)
     assert verdict.verdict == "unexplained"
     output, page = verdict.summary(1000), verdict.to_html()
     assert "if all standard deviations were" in output

@@ -51,7 +51,7 @@ def test_a_diagnosis_with_unknown_modes_is_adequate_and_says_what_is_hidden(tmp_
     assert not verdict.causes
     text = "all modes of spindle are unknowns of the model, and there is one configuration"
     assert verdict.undecidable["spindle_mode"] == text
-    assert any("unknown modes imitate" in note and "tool_modulus" in note for note in verdict.notes)
+    assert any("tool_modulus" in one.values["causes"] for one in verdict.reasons if one.code == "imitated_by_modes")
     joint = machine.joint
     assert joint is not None
     low, high = verdict.base.interval("joint.k_theta", 0.999)

@@ -13,11 +13,12 @@ from receptance.coupling.unknown_modes import ModeChoice
 from receptance.diagnosis import Cause, Metric, Verdict, diagnose
 from receptance.diagnosis.by_mode import bias_of, slenderness_of
 from receptance.diagnosis.fitting import fit_base
-from receptance.diagnosis.held_out import FREQUENCIES, improvement, metrics_of
+from receptance.diagnosis.held_out import FREQUENCIES, metrics_of
 from receptance.diagnosis.model import Model
+from receptance.diagnosis.text import Reason
 from receptance.diagnosis.thresholds import LEAST_FREEDOM
-from receptance.diagnosis.truncation import truncation_time
 from receptance.diagnosis.unknown_spindle import MODE_CHOICES
+from receptance.diagnosis.verdict import CampaignTexts
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation
 
@@ -38,16 +39,12 @@ def diagnose_campaign(
     check_unknowns(campaign)
     if not campaign.measurements:
         raise campaign.error("there are no measurements, expected `measurements`")
-    notes = list(campaign.notes)
+    reasons: list[Reason] = []
     seen, held_out = dict(campaign.to_identify), dict(campaign.held_out)
     numbers = sum(one.independent_values for one in seen.values())
     if held_out and numbers - len(campaign.unknowns) < LEAST_FREEDOM:
-        notes.append(
-            f"{numbers:.3g} measured values for {len(campaign.unknowns)} unknowns are too few to test the model, so "
-            "held-out measurements are used in the diagnosis; improvement is computed for assemblies left out in "
-            "turn"
-        )
-        notes += _held_out_error(campaign)
+        reasons.append(Reason("held_out_used", {"values": numbers, "unknowns": len(campaign.unknowns)}))
+        reasons += _held_out_error(campaign)
         seen, held_out = dict(campaign.measurements), {}
     if not seen:
         raise campaign.error('there is no measurement for the diagnosis, expected one with the role "identify"')
@@ -70,27 +67,20 @@ def diagnose_campaign(
             causes=causes,
             seed=settings.seed,
             threads=campaign.threads,
-            held_out=not held_out,
+            held_out=Model(tuple(held_out.values()), (), tuple(campaign.errors_of(held_out))) if held_out else True,
             fast=fast,
             metrics=metrics,
             progress=campaign.progress,
             choose_modes=choose_modes,
         )
-    if held_out and verdict.final:
-        observations = tuple(held_out.values())
-        unseen = replace(
-            verdict.selection.base.model,
-            observations=observations,
-            # Held-out records may end at another time, or not at all.
-            truncation=truncation_time([observation for observation in observations if observation.is_receptance]),
-            tolerances=tuple(campaign.errors_of(held_out)),
-        )
-        found = improvement(verdict.selection, verdict.explanation, unseen, metrics)
-        verdict = replace(verdict.with_improvement(found), held_out=unseen)
-    notes += [*left_out, *verdict.notes]
     if choose_modes is not None:
-        notes += _notes_on_modes(stabilised, verdict)
-    return replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=campaign.provenance())
+        reasons += _reasons_of_modes(stabilised, verdict)
+    return replace(
+        verdict,
+        data_reasons=(*reasons, *verdict.data_reasons),
+        provenance=campaign.provenance(),
+        campaign=CampaignTexts(notes=(*campaign.notes, *left_out)),
+    )
 
 
 def _choose_modes(
@@ -116,35 +106,28 @@ def _choose_modes(
     return replace(model, unknowns=tuple(unknowns), tolerances=tuple(tolerances)), stabilised
 
 
-def _notes_on_modes(stabilised: Stabilisations, verdict: Verdict) -> list[str]:
-    """Return notes on what a diagnosis with unknown modes of spindles can decide."""
-    notes = []
+def _reasons_of_modes(stabilised: Stabilisations, verdict: Verdict) -> list[Reason]:
+    """Return what a diagnosis with unknown modes of spindles cannot decide, and whether more modes would help."""
+    reasons = []
     if verdict.final and (hidden := verdict.selection.absorbed):
         count = len(verdict.selection.base.model.unknown_modes)
-        notes.append(
-            f"these data do not show causes of typical size that the joint and the {count} unknown modes imitate: "
-            f"{', '.join(hidden)}; measure another overhang, or the spindle alone, to decide them"
-        )
-    if verdict.adequacy.passed:
-        return notes
-    for name, each in stabilised.items():
+        reasons.append(Reason("imitated_by_modes", {"modes": count, "causes": hidden}))
+    for name, each in () if verdict.adequacy.passed else stabilised.items():
+        values = {"part": name, "modes": each.chosen}
         if each.stated is None:
-            notes.append(f"more modes of {name} do not explain the rest: the fit has as many as the records show")
+            code = "all_modes_fitted"
         elif each.chosen < each.stated:
-            notes.append(f"more modes of {name} do not explain the rest: the records show {each.chosen}")
+            code = "modes_shown"
         elif each.stated > 1:
-            notes.append(
-                f"each of the {each.stated} modes of {name} improves the description, the last one by "
-                f"{each.criterion[each.stated - 1]:.3g} of the criterion: before a cause is searched for, try "
-                '`modes = "auto"`, which adds modes as long as they do'
-            )
+            code, values["criterion"] = "each_mode_improves", each.criterion[each.stated - 1]
         else:
-            notes.append(f'one mode of {name} may be too few: before a cause is searched for, try `modes = "auto"`')
-    return notes
+            code = "one_mode_stated"
+        reasons.append(Reason(code, values))
+    return reasons
 
 
-def _held_out_error(campaign: CampaignData) -> list[str]:
-    """Return a note on the error of the base model for the held-out measurements."""
+def _held_out_error(campaign: CampaignData) -> list[Reason]:
+    """Return the error of the base model for the held-out measurements."""
     model, _ = base_model(campaign)
     out = replace(
         model,
@@ -158,5 +141,5 @@ def _held_out_error(campaign: CampaignData) -> list[str]:
     if FREQUENCIES not in errors:
         return []
     bias = bias_of(modes, slenderness_of(out))
-    text = "identified without the held-out measurements, the model predicts their natural frequencies with an rms "
-    return [f"{text}error of {errors[FREQUENCIES]:.2f} %" + ("" if bias is None else f"; {bias}")]
+    error = Reason("held_out_error", {"percent": errors[FREQUENCIES]})
+    return [error] if bias is None else [error, Reason("bias", {"bias": bias})]

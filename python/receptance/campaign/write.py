@@ -27,7 +27,7 @@ from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
-from receptance.diagnosis.wording import title_of
+from receptance.diagnosis.text import title_of
 from receptance.errors import ReceptanceWarning
 from receptance.fit.observation import Observation, altered
 from receptance.fit.spindle_errors import has_spindle_errors
@@ -570,7 +570,7 @@ def with_campaign_lines(campaign: CampaignData, verdict: Verdict) -> Verdict:
         # Warnings on the data were given when they were read.
         warnings.simplefilter("ignore", ReceptanceWarning)
         try:
-            return replace(verdict, campaign_lines=_changed_lines(campaign, verdict))
+            return replace(verdict, campaign=replace(verdict.campaign, lines=_changed_lines(campaign, verdict)))
         except ValueError:
             return verdict
 

@@ -303,7 +303,8 @@ def diagnose(
 
     def work(read: campaign.Campaign) -> diagnosis.Verdict:
         made = read.diagnose(causes or None, fast=fast, metrics=campaign.stability.named_metrics(read, metrics or ()))
-        return replace(campaign.write.with_campaign_lines(read, made), campaign_path=shlex.quote(str(file)))
+        verdict = campaign.write.with_campaign_lines(read, made)
+        return replace(verdict, campaign=replace(verdict.campaign, path=shlex.quote(str(file))))
 
     read, result = run_on_campaign(file, targets, work, seed)
     texts, why_not = _extended(read, result, extended)

@@ -9,8 +9,8 @@ Data flow of `engine.diagnose`::
     Directions -> selection: starts on few lines, Fits on all lines, several causes, alternatives
                   -> explanation: Selection (every Explanation = causes + Fit + evidence)
     Selection -> judgement: Judgement (one of six answers) -> advice: ProposedMeasurement
-    Selection + Judgement -> findings: Findings -> averaging: predictions
-    Findings -> presentation, wording, figure -> verdict: Verdict, what is shown
+    Selection + Judgement + Improvement -> verdict: Verdict -> averaging: predictions
+    Verdict -> presentation, text, figure: what is shown; a sentence is made from a Reason, a code with values
     Model without a configuration -> selection again -> held_out: Improvement; by_mode: residuals and bias by mode
     `thresholds` has all constants.
 """

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.explanation import Explanation, Selection
-from receptance.diagnosis.findings import ProposedMeasurement
 from receptance.diagnosis.held_out import predictor_of
 from receptance.diagnosis.judgement import Judgement
 from receptance.diagnosis.line_selection import thin
@@ -31,6 +30,22 @@ from receptance.fit.problem import End
 from receptance.model.assembly import Assembly
 from receptance.predict.gain import fit_jointly, worth
 from receptance.predict.menu import Candidate, Menu
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProposedMeasurement:
+    """The measurement that is proposed next."""
+
+    action: str
+    """The measurement."""
+    reason: str
+    """Result of its simulation."""
+    separates: tuple[str, ...] = ()
+    """Ids of the causes whose presence it is expected to decide, whichever reported explanation is true."""
+    resolves: float = 0.0
+    """Share of the reported explanations that it distinguishes from all others, if they are true."""
+    cost: float = 0.0
+    """Effort, in hits on the machine."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,7 +51,7 @@ def select_beside(
     own: _Own = {}
     for _ in range(DISCREPANCY_SELECTIONS):
         used = left
-        selection = select(base.model, catalogue, most=1, progress=report, discrepancy=used)
+        selection = select(base.model, catalogue, max_causes=1, progress=report, discrepancy=used)
         if selection.interrupted:
             return selection, base
         # Causes that lead without a discrepancy may be hidden by that of the base.

@@ -286,7 +286,7 @@ class Cause:
     large : bool, optional
         Whether the change is so large that it is tried only where the model is inadequate.
     unspecific : bool, optional
-        Whether other errors of a structure have a similar effect. Beside a discrepancy it is not reported.
+        Whether other errors of a structure have a similar effect. With a model discrepancy it is not reported.
 
     Raises
     ------

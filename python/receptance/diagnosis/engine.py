@@ -3,47 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from receptance import _checks
-from receptance.diagnosis.advice import advise
+from receptance.diagnosis.advice import ProposedMeasurement, advise
 from receptance.diagnosis.beside_discrepancy import select_beside
 from receptance.diagnosis.catalogue import resolve_causes
-from receptance.diagnosis.causes import Cause, Variant, extend
+from receptance.diagnosis.causes import Cause, extend
 from receptance.diagnosis.explanation import Explanation, Selection
-from receptance.diagnosis.findings import CandidateCause
-from receptance.diagnosis.fitting import fit_discrepancy, refit, sufficient
-from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Metric, count_folds, cross_validate
+from receptance.diagnosis.fitting import DiscrepancyFit, fit_discrepancy, refit, sufficient
+from receptance.diagnosis.held_out import (
+    FREQUENCIES,
+    SCORE,
+    SPECTRAL,
+    Improvement,
+    Metric,
+    count_folds,
+    cross_validate,
+    doubted,
+    improvement_on,
+)
 from receptance.diagnosis.judgement import Judgement, conclude
 from receptance.diagnosis.line_selection import select_lines
-from receptance.diagnosis.model import DATA_HOLDER, TABLE, Model, UndecidableError
+from receptance.diagnosis.model import Model, UndecidableError
 from receptance.diagnosis.progress import Progress
-from receptance.diagnosis.screening import Direction, look_alike
 from receptance.diagnosis.search import select
 from receptance.diagnosis.table_noise import with_table_noise
-from receptance.diagnosis.thresholds import (
-    BEYOND_NOISE,
-    EXPLORING_LINES,
-    KEPT_ON_INTERRUPT,
-    LISTED,
-    LOOK_ALIKE,
-    MARGIN,
-)
+from receptance.diagnosis.text import Reason
+from receptance.diagnosis.thresholds import BEYOND_NOISE, EXPLORING_LINES
+from receptance.diagnosis.truncation import truncation_time
 from receptance.diagnosis.unknown_spindle import ChooseModes
 from receptance.diagnosis.verdict import Verdict
-from receptance.diagnosis.wording import implausible
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation
 from receptance.fit.problem import one_blas_thread
 from receptance.fit.unknowns import Tolerance, Unknowns, as_unknowns
-
-_FAST = (
-    "fast diagnosis: configurations were not left out in turn, changes that imitate a cause were not fitted, and no "
-    "discrepancy was estimated; diagnose without --fast before you rely on the cause"
-)
 
 
 @one_blas_thread()
@@ -55,9 +50,9 @@ def diagnose(
     causes: Iterable[Cause | str] | None = None,
     seed: int = 0,
     threads: int | None = None,
-    held_out: bool = False,
+    held_out: bool | Model = False,
     fast: bool = False,
-    most: int = 2,
+    max_causes: int = 2,
     metrics: Mapping[str, Metric] | None = None,
     progress: Callable[[str], None] | None = None,
     choose_modes: ChooseModes | None = None,
@@ -79,13 +74,13 @@ def diagnose(
         Seed of all random numbers.
     threads : int, optional
         As in `Assembly.receptance`; it does not change the result.
-    held_out : bool, optional
+    held_out : bool or Model, optional
         Whether the improvement is measured by cross-validation, with the choice among the explanations repeated without
-        each configuration.
+        each configuration. With a model on its observations, which are not fitted, with its tolerances.
     fast : bool, optional
         Whether the tests that take most of the time are left out: configurations are not left out in turn, changes of
-        the structure that imitate a cause are not fitted, and no discrepancy is estimated. No cause is named then.
-    most : int, optional
+        the structure that imitate a cause are not fitted, and no model discrepancy is estimated. No cause is named.
+    max_causes : int, optional
         Largest number of causes that act together.
     metrics : mapping of str to callable, optional
         With `held_out`: user-defined errors of a prediction, by name. Each gets a `receptance.diagnosis.HeldOut` and
@@ -111,144 +106,157 @@ def diagnose(
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, PointMass, Segment, Unknown
+    >>> from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, PointMass, Segment
     >>> from receptance.diagnosis import diagnose
-    >>> lines = np.linspace(200.0, 6000.0, 400)
     >>> def assembled(overhang, *masses):
     ...     tool = Part([Segment(length=overhang, outer_diameter=0.012, material=CARBIDE)], name="tool")
     ...     holder = Part([Segment(length=0.13, outer_diameter=0.045, material=STEEL)], name="holder")
     ...     joint = PointJoint(k_y=6e8, k_theta=1e5, c_y=300.0, c_theta=1.0, name="joint")
     ...     return Assembly([tool, joint, holder], masses)
-    >>> rng = np.random.default_rng(1)
-    >>> observations = [
-    ...     Observation(
-    ...         assembly=assembled(overhang),
-    ...         frequency_hz=lines,
-    ...         receptance=assembled(overhang, PointMass(mass=1e-3)).receptance(lines)
-    ...         * np.exp(0.01 * (rng.normal(size=400) + 1j * rng.normal(size=400))),
-    ...         standard_deviation=0.01,
-    ...         label=f"{overhang}",
-    ...     )
-    ...     for overhang in (0.05, 0.07, 0.09)
-    ... ]
-    >>> joint = [
-    ...     Unknown(address="joint.k_y", lower=1e6, upper=1e11),
-    ...     Unknown(address="joint.k_theta", lower=1e2, upper=1e8),
-    ...     Unknown(address="joint.c_y", lower=1e-1, upper=1e6),
-    ...     Unknown(address="joint.c_theta", lower=1e-4, upper=1e3),
-    ... ]
-    >>> verdict = diagnose(observations, joint, causes=["sensor_mass", "calibration_gain", "tool_modulus"], most=1)
-    >>> verdict.verdict, [one.id for one in verdict.causes]
+    >>> def measured(overhang):
+    ...     true = assembled(overhang, PointMass(mass=1e-3)).natural_frequencies(15e3)[:2]
+    ...     return Observation.from_modes(assembly=assembled(overhang), frequency_hz=true, standard_deviation_hz=1.0)
+    >>> joint = {"joint.k_y": (1e6, 1e11), "joint.k_theta": (1e2, 1e8)}
+    >>> observations = [measured(overhang) for overhang in (0.04, 0.05, 0.06, 0.07, 0.09)]
+    >>> verdict = diagnose(observations, joint, causes=["sensor_mass", "tool_modulus"], max_causes=1)
+    >>> verdict.verdict, [cause.id for cause in verdict.causes]
     ('named', ['sensor_mass'])
     """
     unknowns = as_unknowns(unknowns)
     tolerances = (tolerances,) if isinstance(tolerances, Tolerance) else tuple(tolerances)
     observed = _check_observations(observations)
-    if isinstance(most, bool) or not isinstance(most, (int, np.integer)) or most < 1:
-        raise ValueError(f"most is {most!r}, expected a whole number of at least 1")
+    max_causes = _checks.whole_number("diagnose", "max_causes", max_causes)
     metrics = _check_metrics(metrics)
     catalogue = resolve_causes(causes)
     _checks.thread_count(threads)
-    model, table_notes = with_table_noise(Model(observed, unknowns, tolerances, seed=seed, threads=threads))
-    model, line_notes = select_lines(model)
-    line_notes = (*table_notes, *line_notes)
+    model, table_reasons = with_table_noise(Model(observed, unknowns, tolerances, seed=seed, threads=threads))
+    model, line_reasons = select_lines(model)
     model = model.with_shared_assemblies().with_witnesses()
     report = Progress(progress)
-    held_out = held_out and not fast
-    report.plan("held out", count_folds(model) if held_out else 0)
-    selection = select(model, catalogue, most=most, progress=report, fast=fast, choose_modes=choose_modes)
-    verdict = _verdict(selection, conclude(selection), most, line_notes, report)
-    if verdict.verdict == "unexplained" and verdict.final and not fast and verdict.alternative is None:
-        verdict = _beside_discrepancy(verdict, catalogue, most, line_notes, report, model.threads)
-        selection = verdict.selection
-    if not held_out or not verdict.final:
-        return verdict
-    improvement = cross_validate(selection, metrics=metrics, progress=report)
-    if not improvement.complete:
-        verdict = verdict.interrupt(report.position, tried=True)
-    return verdict.with_improvement(improvement)
+    folds = count_folds(model) if held_out is True and not fast else 0
+    report.plan("held out", folds)
+    # 1. The outcome without a discrepancy, and with one where nothing explains the data to their noise.
+    selection = select(model, catalogue, max_causes=max_causes, progress=report, fast=fast, choose_modes=choose_modes)
+    outcome = plain = _Outcome.of(selection, report)
+    if plain.judgement.answer == "unexplained" and not (plain.judgement.alternative or fast or plain.interrupted):
+        outcome = _with_discrepancy(plain, catalogue, max_causes, report, threads)
+    # 2. Its improvement on held-out data.
+    improvement, interrupted = Improvement(), outcome.interrupted
+    if not interrupted:
+        best = outcome.judgement.reported[0] if outcome.judgement.reported else None
+        if isinstance(held_out, Model):
+            held_out = replace(
+                outcome.selection.base.model,
+                observations=held_out.observations,
+                # Held-out records may end at another time, or not at all.
+                truncation=truncation_time(held_out.receptances),
+                tolerances=held_out.tolerances,
+            )
+            try:
+                improvement = improvement_on(outcome.selection, best, held_out, metrics)
+            except KeyboardInterrupt:
+                improvement = Improvement(complete=False)
+        elif folds:
+            improvement = cross_validate(outcome.selection, metrics=metrics, progress=report)
+        if not improvement.complete:
+            interrupted = Reason("interrupted", report.position)
+    # 3. One verdict; a cause with a discrepancy that held-out data contradict is not reported.
+    judgement = doubted(outcome.judgement, outcome.selection.base, improvement)
+    if outcome.judgement.answer == "partly explained" and judgement.answer == "unexplained":
+        judgement = replace(plain.judgement, reasons=(*plain.judgement.reasons, judgement.reasons[-1]))
+        outcome = replace(plain, discrepancy_fit=outcome.discrepancy_fit)
+    if outcome.selection.interrupted and judgement.answer in ("named", "unexplained"):
+        # Another cause, which was not tried, may have more evidence.
+        judgement = replace(judgement, answer="suspected" if judgement.answer == "named" else "undecided")
+    return Verdict(
+        judgement=judgement,
+        selection=outcome.selection,
+        adequacy=plain.selection.base.adequacy if outcome.selection.discrepancy else outcome.selection.base.adequacy,
+        discrepancy_fit=outcome.discrepancy_fit,
+        improvement=improvement,
+        next_measurement=outcome.next_measurement,
+        data_reasons=(*table_reasons, *line_reasons),
+        settings=_settings(outcome.selection, max_causes, interrupted),
+        held_out=held_out if isinstance(held_out, Model) else None,
+        interrupted=interrupted,
+    )
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """A selection, without a discrepancy or with one, and what follows from it; fields as of `Verdict`."""
+
+    selection: Selection
+    judgement: Judgement
+    next_measurement: ProposedMeasurement | None = None
+    discrepancy_fit: DiscrepancyFit | None = None
+    interrupted: Reason | None = None
+
+    @classmethod
+    def of(cls, selection: Selection, report: Progress) -> _Outcome:
+        """Return the outcome of a selection, with advice."""
+        judgement = conclude(selection)
+        if selection.interrupted:
+            return cls(selection, judgement, interrupted=Reason("causes_not_tried", report.position))
+        try:
+            return cls(selection, judgement, advise(selection, judgement))
+        except KeyboardInterrupt:
+            return cls(selection, judgement, interrupted=Reason("interrupted", report.position))
 
 
 def _check_metrics(metrics: Mapping[str, Metric] | None) -> dict[str, Metric]:
-    given = dict(metrics or {})
-    for name, metric in given.items():
+    for name, metric in (metrics or {}).items():
         if not isinstance(name, str) or not callable(metric):
             raise TypeError(f"metrics has {name!r}: {metric!r}, expected a name and a function")
         if name in (FREQUENCIES, SPECTRAL, SCORE):
             raise ValueError(f"the metric {name!r} exists already, expected another name")
-    return given
+    return dict(metrics or {})
 
 
 def _check_observations(observations: Observation | Sequence[Observation]) -> tuple[Observation, ...]:
-    given = (observations,) if isinstance(observations, Observation) else tuple(observations)
-    if not given:
-        raise ValueError("observations is empty, expected at least one Observation")
-    for index, one in enumerate(given):
-        if not isinstance(one, Observation):
-            raise TypeError(f"observations[{index}] is {one!r}, expected an Observation")
-        if not one.weighted:
+    checked = _checks.items("observations", observations, Observation, least=1)
+    for observation in checked:
+        if not observation.weighted:
             remedy = "give `standard_deviation` or `floor`, or coherence and `averages` of an FRF"
             raise ValueError(
-                f"{one!r} has no standard deviation, which the diagnosis needs to judge the residuals; "
-                f"{one.noise.unused_coherence or remedy}"
+                f"{observation!r} has no standard deviation, which the diagnosis needs to judge the residuals; "
+                f"{observation.noise.unused_coherence or remedy}"
             )
-    return given
+    return checked
 
 
-def _beside_discrepancy(
-    verdict: Verdict,
-    catalogue: Sequence[Cause],
-    most: int,
-    line_notes: Sequence[str],
-    report: Progress,
-    threads: int | None,
-) -> Verdict:
-    """Return the verdict where no cause explains the data to their noise: with the discrepancy of the model.
+def _with_discrepancy(
+    plain: _Outcome, catalogue: Sequence[Cause], max_causes: int, report: Progress, threads: int | None
+) -> _Outcome:
+    """Return the outcome where no cause explains the data to their noise: with the discrepancy of the model.
 
     Fits that allow for a discrepancy have fewer local minima. Where the best cause explains the data to their noise
     after all, the selection without a discrepancy is repeated from it.
     """
-    first, base = verdict.selection, None
+    first, base, again = plain.selection, None, None
     try:
         base = fit_discrepancy(replace(first.base.model.resonant(), threads=threads), first.base.values)
         selection, base = select_beside(base, first, catalogue, report)
         judgement = conclude(selection)
         known = None if selection.interrupted else _fitted_to_the_noise(first, selection.best)
-        again = None
         if known is not None:
-            again = select(first.base.model, catalogue, most=most, progress=report, known=known)
+            again = select(first.base.model, catalogue, max_causes=max_causes, progress=report, known=known)
     except ReceptanceError:
-        return verdict
+        return plain
     except KeyboardInterrupt:
-        verdict = verdict.interrupt(report.position, tried=True)
-        return verdict if base is None else replace(verdict, discrepancy=base.discrepancy, base_fit=base.fit)
+        return replace(plain, discrepancy_fit=base, interrupted=Reason("interrupted", report.position))
     if selection.interrupted or (again is not None and again.interrupted):
-        verdict = verdict.interrupt(report.position, tried=True)
-        return replace(verdict, discrepancy=base.discrepancy, base_fit=base.fit)
+        return replace(plain, discrepancy_fit=base, interrupted=Reason("interrupted", report.position))
     if again is not None:
-        repeated = _verdict(again, conclude(again), most, line_notes, report)
-        if repeated.verdict != "unexplained":
+        repeated = _Outcome.of(again, report)
+        if repeated.judgement.answer != "unexplained":
             return repeated
-    posterior = sufficient(base)
-    unexplained = replace(verdict, discrepancy=posterior.discrepancy, base_fit=posterior.fit)
-    if first.base.misfit < BEYOND_NOISE:
-        return unexplained
-    notes = tuple(dict.fromkeys((*verdict.notes, *judgement.notes)))
-    if judgement.answer != "partly explained":
-        return replace(unexplained, notes=notes)
-    # Reasons against causes without a discrepancy may contradict the answer beside it.
-    overruled = conclude(first).notes
-    notes = tuple(note for note in notes if note not in overruled)
-    found = _verdict(selection, replace(judgement, notes=notes), 1, (), report)
-    return replace(
-        found,
-        adequacy=verdict.adequacy,
-        base_fit=base.fit,
-        discrepancy=base.discrepancy,
-        discrepancy_after=selection.discrepancy,
-        without_discrepancy=verdict,
-    )
+    if first.base.misfit >= BEYOND_NOISE and judgement.answer == "partly explained":
+        return replace(_Outcome.of(selection, report), discrepancy_fit=base)
+    reasons = plain.judgement.reasons
+    if first.base.misfit >= BEYOND_NOISE:
+        reasons = (*reasons, *(reason for reason in judgement.reasons if reason not in reasons))
+    return replace(plain, judgement=replace(plain.judgement, reasons=reasons), discrepancy_fit=sufficient(base))
 
 
 def _fitted_to_the_noise(first: Selection, best: Explanation | None) -> Explanation | None:
@@ -265,144 +273,18 @@ def _fitted_to_the_noise(first: Selection, best: Explanation | None) -> Explanat
     return explanation if explanation.passed else None
 
 
-def _verdict(
-    selection: Selection, judgement: Judgement, most: int, line_notes: Sequence[str], report: Progress
-) -> Verdict:
-    interrupted = selection.interrupted
-    next_measurement = None
-    if not interrupted:
-        try:
-            next_measurement = advise(selection, judgement)
-        except KeyboardInterrupt:
-            interrupted = True
-    reported: dict[str, CandidateCause] = {}
-    for one in judgement.reported:
-        for variant in one.variants:
-            if variant.cause.id not in reported:
-                reported[variant.cause.id] = _candidate(selection, one, variant)
-    alternatives = {
-        alternative: _candidate(selection, alternative, alternative.variants[-1])
-        for alternative in selection.alternatives
-    }
-    singles = selection.singles[: KEPT_ON_INTERRUPT if interrupted else None]
-    verdict = Verdict(
-        verdict=judgement.answer,
-        adequacy=selection.base.adequacy,
-        base_fit=selection.base,
-        causes=tuple(reported.values()),
-        candidates=tuple(_candidate(selection, single, single.variants[0]) for single in singles),
-        ambiguous_between=judgement.ambiguous_between,
-        next_measurement=next_measurement,
-        notes=(*([_FAST] if selection.fast else []), *judgement.notes, *_data_notes(selection), *line_notes),
-        settings=_settings(selection, most),
-        selection=selection,
-        vetoed=tuple(_candidate(selection, one, variant) for one, variant in _vetoed(selection, judgement.reported)),
-        alternatives=tuple(alternatives.values()),
-        alternative=None if judgement.alternative is None else alternatives[judgement.alternative],
-        explanation=judgement.reported[0] if judgement.reported else None,
-    )
-    return verdict.interrupt(report.position, tried=not selection.interrupted) if interrupted else verdict
-
-
-def _vetoed(selection: Selection, reported: Sequence[Explanation]) -> list[tuple[Explanation, Variant]]:
-    """Return implausible causes with at least the evidence of the best plausible explanation, less the margin.
-
-    Each cause is returned once, in its best explanation, and only the best few are. Those that are reported with an
-    unusual size are not among them.
-    """
-    plausible = max(
-        (explanation.evidence for explanation in selection.explanations if not explanation.implausible), default=0.0
-    )
-    least = max(selection.threshold, plausible - MARGIN, 0.0)
-    found: dict[str, tuple[Explanation, Variant]] = {}
-    ids = frozenset().union(*(one.ids for one in reported))
-    for one in selection.explanations:
-        for variant in one.variants if one.evidence > least else ():
-            if variant.cause.id not in ids and set(one.sizes(variant.cause)) & set(one.implausible):
-                found.setdefault(variant.cause.id, (one, variant))
-    return list(found.values())[:LISTED]
-
-
-def _candidate(selection: Selection, one: Explanation, variant: Variant) -> CandidateCause:
-    cause = variant.cause
-    sizes = one.sizes(cause)
-    declared = {name: one.parameters[name] for name in sizes}
-    outside = {name: size for name, size in sizes.items() if name in one.implausible}
-    return CandidateCause(
-        id=cause.id,
-        group=cause.group,
-        variant=variant.name,
-        explanation=one,
-        gain=one.gain,
-        evidence=one.evidence,
-        misfit=one.fit.misfit,
-        plausible=not outside,
-        vetoed=implausible(declared, outside),
-        converged=one.fit.converged,
-        together_with=tuple(other.cause.id for other in one.variants if other.cause.id != cause.id),
-        look_alikes=_look_alikes(selection.directions, variant),
-        meaning=variant.meaning,
-        remedy=(one.fit.model.in_spindle and cause.remedy_in_spindle) or variant.remedy,
-        declared=declared,
-    )
-
-
-def _look_alikes(directions: Sequence[Direction], variant: Variant) -> dict[str, float]:
-    """Return the causes with a similar effect, and the largest cosine of each, in descending order."""
-    own = next((direction for direction in directions if direction.variant == variant), None)
-    if own is None:
-        return {}
-    cosines: dict[str, float] = {}
-    for other in directions:
-        if other.cause.id != variant.cause.id and other.slopes.shape[1] <= own.slopes.shape[1]:
-            cosines[other.cause.id] = max(cosines.get(other.cause.id, 0.0), look_alike(own, other))
-    similar = sorted(cosines.items(), key=lambda pair: -pair[1])
-    return {other: round(cosine, 4) for other, cosine in similar if cosine >= LOOK_ALIKE}
-
-
-def _data_notes(selection: Selection) -> list[str]:
-    model = selection.base.model
-    notes = []
-    if not model.tolerances:
-        notes.append(
-            "there are no tolerances: an ordinary deviation of a dimension or a material may be mistaken for a cause"
-        )
-    if len(model.configurations) == 1:
-        sources, another = model.separable
-        notes.append(f"there is one configuration: measure {another} to distinguish {sources}")
-    if selection.base.one_mode:
-        notes.append("there is one mode in each record: measure up to a second one to distinguish joint and parts")
-    for reason, remedy in (
-        (DATA_HOLDER, "if the holder may have changed since it was measured, measure it again"),
-        (TABLE, "describe that part by modes to decide them"),
-    ):
-        not_decided = [id for id, error in selection.undecidable.items() if error.shared == reason]
-        if not_decided:
-            notes.append(f"{reason}, so these causes are not decided: {', '.join(not_decided)}; {remedy}")
-    frequencies = [observation for observation in model.observations if not observation.is_receptance]
-    if len(frequencies) == len(model.observations):
-        hidden = (
-            "gain, delay and hits"
-            if any(observation.damped.size for observation in frequencies)
-            else "damping, gain, delay and hits"
-        )
-        notes.append(f"there are natural frequencies alone: they do not show {hidden}")
-    elif frequencies:
-        notes.append("gain, delay, window and hits are judged by the FRFs alone: natural frequencies do not show them")
-    return notes
-
-
-def _settings(selection: Selection, most: int) -> dict[str, Any]:
+def _settings(selection: Selection, max_causes: int, interrupted: Reason | None) -> dict[str, Any]:
     """Return settings and amount of calculation, with the loss by the selection of few lines."""
     model = selection.base.model
     fits = [selection.base, *(explanation.fit for explanation in selection.explanations[:1])]
     return {
         "seed": model.seed,
-        "most": most,
+        "max_causes": max_causes,
         "lines": sum(observation.frequency_hz.size for observation in model.observations),
         "lines_of_each_while_exploring": EXPLORING_LINES,
         "regained_on_all_lines": round(max(fit.regained for fit in fits), 1),
         "model_evaluations": selection.evaluations,
         "causes": sorted({direction.cause.id for direction in selection.directions} | set(selection.undecidable)),
         **({"fast": True} if selection.fast else {}),
+        **({"interrupted": interrupted.values} if interrupted else {}),
     }

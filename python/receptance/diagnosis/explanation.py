@@ -11,6 +11,7 @@ from receptance.diagnosis.causes import Cause, Parameter, Variant, parameters_of
 from receptance.diagnosis.fitting import DiscrepancyFit, Fit
 from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.screening import Direction
+from receptance.diagnosis.text import Size
 from receptance.diagnosis.thresholds import BEHIND, BEHIND_SHARE, SINGLES_HELD_OUT
 from receptance.fit.adequacy import Adequacy, misfit_limit
 from receptance.fit.discrepancy import Discrepancy
@@ -46,6 +47,12 @@ class Explanation:
     def title(self) -> str:
         """Names of the causes, in the order in which they were added."""
         return " + ".join(variant.cause.title for variant in self.variants)
+
+    @property
+    def place(self) -> str:
+        """What an alternative is, and where, such as "a mass at 30 % of tool", after the causes beside it."""
+        *causes, variant = self.variants
+        return " + ".join([*(cause.cause.title for cause in causes), f"{variant.meaning} {variant.name}"])
 
     @property
     def adequacy(self) -> Adequacy:
@@ -97,6 +104,15 @@ class Explanation:
         interval = self.fit.identification.interval
         return tuple(name for name in outside if not self.parameters[name].is_plausible(*interval(name)))
 
+    def implausible_sizes(self, cause: Cause | None = None) -> list[Size]:
+        """Return the sizes outside their plausible range, with this range: all, or those of a cause."""
+        pairs = [(name, self.parameters[name]) for name in self.implausible]
+        return [
+            Size.of(name, parameter, self.fit.values[name], *parameter.plausible)
+            for name, parameter in pairs
+            if cause is None or parameter.cause == cause.id
+        ]
+
     @property
     def extraordinary(self) -> tuple[str, ...]:
         """Names of the unknowns whose values are more than ordinary; see `Parameter.ordinary`."""
@@ -124,12 +140,7 @@ def best_of_each(found: Iterable[Explanation]) -> list[Explanation]:
 def behind_limit(without: float, found: Iterable[float]) -> float:
     """Return the largest chi-square that an explanation may have to be fitted on all lines.
 
-    Parameters
-    ----------
-    without : float
-        Chi-square without a cause.
-    found : iterable of float
-        Chi-square of the explanations.
+    It follows from chi-square without a cause and that of the explanations.
     """
     best = min([without, *found])
     return best + BEHIND + BEHIND_SHARE * (without - best)

@@ -14,7 +14,6 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from receptance.diagnosis.by_mode import Curve, curves
-from receptance.diagnosis.findings import Findings
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.diagnosis.verdict import Verdict
 from receptance.frf.figure import PHASE_FROM
@@ -123,7 +122,7 @@ def frequencies_figure(before: Sequence[Curve], after: Sequence[Curve]) -> Figur
     return finished(figure)
 
 
-def evidence_figure(verdict: Findings) -> Figure:
+def evidence_figure(verdict: Verdict) -> Figure:
     """Return how far each cause is behind the best."""
     figure = new_figure(_SIZE[0], 1.0 + 0.28 * min(len(verdict.candidates) + 1, _CANDIDATES))
     _draw_evidence(figure.subplots(), verdict)
@@ -186,7 +185,7 @@ def _draw_frequencies(axes: Axes, before: Sequence[Curve], after: Sequence[Curve
     add_legend(axes)
 
 
-def _draw_evidence(axes: Axes, verdict: Findings, title: str = "") -> None:
+def _draw_evidence(axes: Axes, verdict: Verdict, title: str = "") -> None:
     """Draw the odds of each cause to the best in powers of ten; a dashed line marks the margin of evidence."""
     reported, best = {cause.id for cause in verdict.causes}, verdict.best_evidence
     bars = [(cause.title, best - cause.evidence, cause.id in reported) for cause in verdict.candidates]

@@ -17,9 +17,10 @@ from receptance.diagnosis.by_mode import Bias, ModeResidual, bias_of, curve_of, 
 from receptance.diagnosis.causes import parameters_of, transfer
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
 from receptance.diagnosis.fitting import Fit, refit
-from receptance.diagnosis.judgement import conclude, is_of_one, only_improved
+from receptance.diagnosis.judgement import Answer, Judgement, conclude, is_of_one, only_improved
 from receptance.diagnosis.model import IndescribableError, Model
 from receptance.diagnosis.progress import Progress, in_parallel
+from receptance.diagnosis.text import Reason
 from receptance.diagnosis.thresholds import EVALUATIONS_OF_PREDICTION, FOLDS
 from receptance.errors import ReceptanceError
 from receptance.fit.covariance import confidence_multiplier
@@ -235,25 +236,13 @@ def count_folds(model: Model) -> int:
     return min(count, FOLDS) if count > 1 else 0
 
 
-def improvement(
+def improvement_on(
     selection: Selection,
     best: Explanation | None,
     held_out: Model,
     metrics: Mapping[str, Metric] | None = None,
 ) -> Improvement:
-    """Return the improvement by an explanation on observations that were not fitted.
-
-    Parameters
-    ----------
-    selection : Selection
-        The fits.
-    best : Explanation or None
-        The explanation.
-    held_out : Model
-        The base with the held-out observations and their tolerances.
-    metrics : mapping of str to callable, optional
-        User-defined metrics.
-    """
+    """Return the improvement by an explanation on the observations of a base model, which were not fitted."""
     answer = conclude(selection).answer
     each = {name: replace(held_out, observations=held_out.of([name])) for name in held_out.configurations}
     folds = [_fold(name, answer, selection, best, own, metrics) for name, own in each.items()]
@@ -510,26 +499,31 @@ def _correlated_variance(groups: Sequence[NDArray[np.float64]]) -> tuple[float, 
     return variance, shared / variance if variance > 0.0 else 0.0, size
 
 
-def doubt_prediction(base: Fit, one: Explanation, gain: Gain) -> str | None:
+def doubted(judgement: Judgement, base: Fit, improvement: Improvement) -> Judgement:
+    """Return a judgement, doubted where held-out data contradict its only explanation.
+
+    What was named is then suspected, and what was partly explained is unexplained. Folds that are not complete show
+    nothing.
+    """
+    if judgement.answer not in ("named", "partly explained") or not improvement.complete or not improvement.gains:
+        return judgement
+    doubt = doubt_prediction(base, judgement.reported[0], improvement.gains[0])
+    if doubt is None:
+        return judgement
+    answer: Answer = "suspected" if judgement.answer == "named" else "unexplained"
+    return replace(judgement, answer=answer, reasons=(*judgement.reasons, doubt))
+
+
+def doubt_prediction(base: Fit, one: Explanation, gain: Gain) -> Reason | None:
     """Return why held-out data contradict the only explanation; None where they do not.
 
     Causes that act in all configurations must improve the prediction of those that are left out. One that acts in a
-    single configuration cannot: without it nothing shows the cause, and the others do not have it.
-
-    Parameters
-    ----------
-    base : Fit
-        The model without causes.
-    one : Explanation
-        The explanation.
-    gain : Gain
-        The first metric of the improvement, an error.
+    single configuration cannot: without it nothing shows the cause, and the others do not have it. `gain` is the first
+    metric of the improvement, an error.
     """
     if gain.held_out_after < gain.held_out_before or is_of_one(one) or only_improved(base, one) is not None:
         return None
     if all(fold["before"] == fold["after"] for fold in gain.folds):
-        return f"{one.title} is in no prediction of configurations that were left out"
-    return (
-        f"with {one.title} predictions of configurations that were left out are not better ({gain.metric}): "
-        f"{gain.held_out_before:.4g} before, {gain.held_out_after:.4g} after"
-    )
+        return Reason("not_predicted", {"title": one.title})
+    values = {"metric": gain.metric, "before": gain.held_out_before, "after": gain.held_out_after}
+    return Reason("not_better", {"title": one.title, **values})

@@ -9,16 +9,16 @@ import numpy as np
 from receptance.diagnosis.by_mode import Curve, curve_of
 from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.explanation import Explanation
-from receptance.diagnosis.findings import Findings
 from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.held_out import predicted_data
 from receptance.diagnosis.model import IndescribableError, Model
 from receptance.diagnosis.thresholds import EVALUATIONS_OF_PREDICTION
+from receptance.diagnosis.verdict import Verdict
 from receptance.errors import ReceptanceError
 from receptance.fit.problem import CONVERGED, InfeasibleError
 
 
-def held_out_curves(verdict: Findings, most: int = 4) -> list[tuple[Curve, Curve | None]]:
+def held_out_curves(verdict: Verdict, most: int = 4) -> list[tuple[Curve, Curve | None]]:
     """Return held-out receptances with their predictions, before and after the causes are part of the model.
 
     Separate held-out measurements are predicted by the fits to all others. Without these each configuration is left out
@@ -26,7 +26,7 @@ def held_out_curves(verdict: Findings, most: int = 4) -> list[tuple[Curve, Curve
 
     Parameters
     ----------
-    verdict : Findings
+    verdict : Verdict
         A verdict with an improvement on held-out data; there are no curves without one.
     most : int, optional
         Largest number of records.

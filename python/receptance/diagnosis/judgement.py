@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit
-from receptance.diagnosis.model import TABLE
+from receptance.diagnosis.model import DATA_HOLDER, TABLE
+from receptance.diagnosis.text import Reason
 from receptance.diagnosis.thresholds import (
     LEAST_FREEDOM,
     LEAST_SHARE,
@@ -17,10 +18,6 @@ from receptance.diagnosis.thresholds import (
     STRAIN_CHANCE,
     TIE,
 )
-from receptance.diagnosis.wording import implausible, names, odds
-
-_LISTED_SIZES = 3
-"""Most sizes that are listed with a doubt."""
 
 Answer = Literal["adequate", "undecided", "named", "suspected", "ambiguous", "partly explained", "unexplained"]
 """The answer of a diagnosis."""
@@ -36,8 +33,7 @@ class Judgement:
     """Explanations that are reported, the highest evidence first."""
     ambiguous_between: tuple[str, ...] = ()
     """Ids of causes between which the data do not decide."""
-    notes: tuple[str, ...] = ()
-    """Reasons."""
+    reasons: tuple[Reason, ...] = ()
     alternative: Explanation | None = None
     """The alternative because of which no cause is reported."""
 
@@ -63,34 +59,35 @@ def conclude(selection: Selection) -> Judgement:
     Where the selection allows for a discrepancy, every model is adequate. What would be named, or suspected for its
     evidence alone, is then partly explained if it takes at least half of the misfit; all other answers are unexplained.
     """
-    found = _conclude(selection)
-    return found if selection.discrepancy is None else _with_share(selection, found)
+    judgement = _conclude(selection)
+    return judgement if selection.discrepancy is None else _with_share(selection, judgement)
 
 
-def _with_share(selection: Selection, found: Judgement) -> Judgement:
+def _with_share(selection: Selection, judgement: Judgement) -> Judgement:
     """Return the answer of a selection that allows for a discrepancy."""
-    if not found.reported:
-        return replace(found, answer="unexplained", notes=())
-    best = found.reported[0]
+    if not judgement.reported:
+        return replace(judgement, answer="unexplained", reasons=())
+    best = judgement.reported[0]
     share = selection.share(best)
-    taken = f"beside a discrepancy of {selection.discrepancy} {best.title} takes {100.0 * share:.0f} % of the misfit"
+    values = {"title": best.title, "percent": 100.0 * share, "discrepancy": selection.discrepancy}
+    further: tuple[Reason, ...] = ()
     if any(variant.cause.unspecific for variant in best.variants):
-        reason = f"{taken}, but other errors of the structure would have a similar effect"
+        code = "share_unspecific"
     elif share < LEAST_SHARE:
-        reason = f"{taken}, expected at least {100.0 * LEAST_SHARE:.0f} %"
-    elif found.answer == "named":
-        return replace(found, answer="partly explained", notes=(*found.notes, f"{taken}; the rest has no known cause"))
-    elif found.ambiguous_between:
-        reason = f"{taken}, but these cannot be distinguished: {names(found.ambiguous_between)}"
+        code = "share_small"
+    elif judgement.answer == "named":
+        reasons = (*judgement.reasons, Reason("share_taken", values))
+        return replace(judgement, answer="partly explained", reasons=reasons)
+    elif judgement.ambiguous_between:
+        code, values = "share_ambiguous", {**values, "causes": judgement.ambiguous_between}
     else:
-        doubts = _doubts(selection, best, selection.threshold)
-        reason = f"{taken}, but this is not certain: {'; '.join(doubts) or '; '.join(found.notes)}"
-    return Judgement("unexplained", notes=(reason,))
+        code = "share_uncertain"
+        further = tuple(_doubts(selection, best, selection.threshold)) or judgement.reasons
+    return Judgement("unexplained", reasons=(Reason(code, values), *further))
 
 
 def _conclude(selection: Selection) -> Judgement:
     """Return the answer, whether the selection allows for a discrepancy or not."""
-    notes: list[str] = []
     limit = max(selection.threshold, 0.0)
     best = selection.best
     if best is None or best.evidence <= limit:
@@ -99,55 +96,57 @@ def _conclude(selection: Selection) -> Judgement:
     beside = selection.discrepancy is not None
     # Beside a discrepancy the best one may be just above the limit, so rivals below the limit count as well.
     least = best.evidence - MARGIN if beside else limit
-    passing = [
-        explanation
-        for explanation in selection.explanations
-        if explanation.evidence > least and (beside or explanation.passed)
-    ]
+    rivals = [explanation for explanation in selection.explanations if explanation.evidence > least]
+    passing = [explanation for explanation in rivals if beside or explanation.passed]
     if not passing:
-        notes.append(f"the best explanation, {best.title}, {best.adequacy.shortcoming}, so it is rejected")
-        return Judgement("unexplained", notes=tuple(notes))
-    passing = [one for one in passing if not any(_adds_negligible(one, other) for other in passing)]
+        rejected = Reason("rejected", {"title": best.title, "adequacy": best.adequacy})
+        return Judgement("unexplained", reasons=(rejected,))
+    # An explanation that only adds causes to another one counts where these are needed.
+    passing = [
+        one for one in passing if not any(other.ids < one.ids <= other.ids | one.negligible for other in passing)
+    ]
     near = [one for one in passing if one.evidence >= passing[0].evidence - MARGIN]
-    near = [one for one in near if not any(_adds_only(one, other) for other in near)]
+    near = [
+        one for one in near if not any(other.ids < one.ids and one.evidence < other.evidence + MARGIN for other in near)
+    ]
     remaining = [one for one in near if not one.implausible]
     if not remaining and len(near) == 1 and near[0].unusual:
         remaining = near
-    for one in near:
-        if one.implausible and one not in remaining:
-            notes.append(f"{one.title} explains the data, but only with an implausible size: {_sizes(one)}: vetoed")
+    reasons = [
+        Reason("vetoed", {"title": one.title, "sizes": one.implausible_sizes()})
+        for one in near
+        if one.implausible and one not in remaining
+    ]
     alternative = _preferred_alternative(selection, remaining or near)
     if alternative is not None:
-        reason = _withhold(alternative, (remaining or near)[0])
-        return Judgement("unexplained", notes=(*notes, reason), alternative=alternative)
+        leading = (remaining or near)[0]
+        values = {"title": leading.title, "evidence": alternative.evidence - leading.evidence}
+        reasons.append(Reason("alternative_preferred", {**values, "alternative": alternative.place}))
+        return Judgement("unexplained", reasons=tuple(reasons), alternative=alternative)
     if not remaining or remaining[0].evidence <= limit:
-        return Judgement("unexplained", notes=tuple(notes))
-    unfinished = [one for one in remaining if not one.fit.converged]
-    for one in unfinished:
-        notes.append(f"the fit with {one.title} has not converged, so no cause is named on its own")
+        return Judgement("unexplained", reasons=tuple(reasons))
+    unfinished = [Reason("not_converged", {"title": one.title}) for one in remaining if not one.fit.converged]
+    reasons += unfinished
     if len(remaining) > 1:
         common = frozenset.intersection(*(one.ids for one in remaining))
-        between = _in_order(remaining, frozenset.union(*(one.ids for one in remaining)) - common)
-        return Judgement("ambiguous", tuple(remaining), between, tuple(notes))
-    verb = "is" if len(remaining[0].variants) == 1 else "are"
-    doubts = [f"{remaining[0].title} {verb} suspected only: {why}" for why in _doubts(selection, remaining[0], limit)]
-    return Judgement("suspected" if doubts or unfinished else "named", tuple(remaining), notes=(*notes, *doubts))
+        in_order = dict.fromkeys(variant.cause.id for one in remaining for variant in one.variants)
+        between = tuple(id for id in in_order if id not in common)
+        return Judgement("ambiguous", tuple(remaining), between, tuple(reasons))
+    doubts = [*_doubts(selection, remaining[0], limit)]
+    answer: Answer = "suspected" if doubts or unfinished else "named"
+    return Judgement(answer, tuple(remaining), reasons=(*reasons, *doubts))
 
 
 def _judge_base(selection: Selection) -> Judgement:
     """Return the answer where no cause has evidence."""
-    adequacy = selection.base.adequacy
-    unfinished = () if selection.base.converged else ("the fit of the base model has not converged",)
-    if adequacy.passed and selection.base.degrees_of_freedom < LEAST_FREEDOM:
-        another = selection.base.model.separable[1]
-        note = f"the model cannot be judged: {_freedom(selection.base)}; measure more modes, {another}, or an FRF"
-        return Judgement("undecided", notes=(note,))
-    if adequacy.passed:  # a fit that goes on only reduces the misfit
-        return Judgement("adequate", notes=unfinished)
-    if unfinished:
-        return Judgement("unexplained", notes=unfinished)
-    note = f"the base model {adequacy.shortcoming}, and no cause improves it"
-    return Judgement("unexplained", notes=(note,))
+    base = selection.base
+    unfinished = () if base.converged else (Reason("base_not_converged"),)
+    if base.adequacy.passed and base.degrees_of_freedom < LEAST_FREEDOM:
+        values = {**_freedom(base), "another": base.model.separable[1]}
+        return Judgement("undecided", reasons=(Reason("too_few_values", values),))
+    if base.adequacy.passed:  # a fit that goes on only reduces the misfit
+        return Judgement("adequate", reasons=unfinished)
+    return Judgement("unexplained", reasons=unfinished or (Reason("base_inadequate", {"adequacy": base.adequacy}),))
 
 
 def _preferred_alternative(selection: Selection, remaining: Sequence[Explanation]) -> Explanation | None:
@@ -164,79 +163,49 @@ def _preferred_alternative(selection: Selection, remaining: Sequence[Explanation
     return None
 
 
-def _withhold(alternative: Explanation, best: Explanation) -> str:
-    more = alternative.evidence - best.evidence
-    better = "is as likely as a single change"
-    if more > MARGIN:
-        better = f"is more likely (odds {odds(more)})"
-    return (
-        f"{best.title} explains the data, but {_describe(alternative)} {better}; it is not a known cause, so no cause "
-        "is named: inspect that place"
-    )
-
-
-def _doubts(selection: Selection, one: Explanation, limit: float) -> Iterator[str]:
+def _doubts(selection: Selection, explanation: Explanation, limit: float) -> Iterator[Reason]:
     """Yield the reasons why the only explanation is not certain."""
     base = selection.base
+
+    def doubt(code: str, **values: Any) -> Reason:
+        return Reason(code, {"title": explanation.title, **values})
+
     if selection.fast:
-        yield "a fast diagnosis names no cause"
-    if one.implausible:
-        yield f"its size is unusual: {_sizes(one)}; check the drawing or the stated value"
+        yield doubt("fast")
+    if explanation.implausible:
+        yield doubt("unusual_size", sizes=explanation.implausible_sizes())
     # Beside a discrepancy a cause explains the data partly at most, which claims less than a name.
-    if one.evidence <= limit + MARGIN and selection.discrepancy is None:
-        yield "its effect is near the detection threshold"
-    alternative = next((other for other in selection.alternatives if other.evidence > one.evidence + TIE), None)
+    if explanation.evidence <= limit + MARGIN and selection.discrepancy is None:
+        yield doubt("near_threshold")
+    alternative = next((other for other in selection.alternatives if other.evidence > explanation.evidence + TIE), None)
     if alternative is not None:
-        yield f"{_describe(alternative)} is more likely"
-    if one.fit.degrees_of_freedom < LEAST_FREEDOM:
-        yield _freedom(one.fit)
-    strain = one.adequacy.strain
+        yield doubt("alternative_likely", alternative=alternative.place)
+    if explanation.fit.degrees_of_freedom < LEAST_FREEDOM:
+        yield doubt("few_degrees", **_freedom(explanation.fit))
+    strain = explanation.adequacy.strain
     # Beside a discrepancy the tolerances absorb a part of it.
     if strain.chance < STRAIN_CHANCE and selection.discrepancy is None:
-        errors = ", ".join(f"{error} at {size:+.1f}" for error, size in strain.worst)
-        yield (
-            f"it strains the tolerances beyond the 1 % level, in standard deviations {errors}; another cause may act"
-        )
+        yield doubt("strained", errors=dict(strain.worst))
     window = selection.undecidable.get("exponential_window")
-    if "joint_hysteretic_loss" in one.ids and window is not None and window.shared == TABLE:
-        yield (
-            "an exponential window that the FRFs do not state has a similar effect, and "
-            f"{TABLE}, which does not allow for it"
-        )
-    structure = any(variant.cause.group == "structure" for variant in one.variants)
+    if "joint_hysteretic_loss" in explanation.ids and window is not None and window.shared == TABLE:
+        yield doubt("window_at_table")
+    structure = any(variant.cause.group == "structure" for variant in explanation.variants)
     one_configuration = len(base.model.configurations) == 1 and structure
     if one_configuration:
         sources, another = base.model.separable
-        yield f"one configuration does not distinguish {sources}; measure {another}"
+        yield doubt("one_configuration", sources=sources, another=another)
     if structure and base.one_mode:
-        yield "one mode does not distinguish the joint from the parts; measure up to a second one"
-    only = None if one_configuration else _only_configuration(base, one)
-    if only:
-        yield (
-            f"it improves {only} alone, where an effect of that tool or clamping may be the "
-            "same; measure another configuration"
-        )
-    large = one.extraordinary if len(one.variants) > 1 else ()
+        yield doubt("one_mode")
+    everywhere = not is_of_one(explanation) and all(
+        variant.cause.group == "structure" for variant in explanation.variants
+    )
+    if everywhere and not one_configuration and (only := only_improved(base, explanation)):
+        yield doubt("one_improved", configuration=only)
+    large = explanation.extraordinary if len(explanation.variants) > 1 else ()
     if large:
-        sizes = ", ".join(f"{size} = {one.fit.values[size]:.3g}" for size in large[:_LISTED_SIZES])
-        more = f" and {len(large) - _LISTED_SIZES} more" if len(large) > _LISTED_SIZES else ""
-        yield (
-            f"{sizes}{more} is large for a cause beside another one, and an effect that is not in "
-            "the catalogue may act in place of both"
-        )
-    before = base.adequacy
-    if len(one.variants) > 1 and before.misfit <= before.limit:
-        yield (
-            "the misfit without them is within its limit, and an effect that is not in the "
-            "catalogue may explain the rest"
-        )
-
-
-def _only_configuration(base: Fit, one: Explanation) -> str | None:
-    """Return the only configuration that an explanation improves, if its causes should act in all of them."""
-    if is_of_one(one) or any(variant.cause.group == "measurement" for variant in one.variants):
-        return None
-    return only_improved(base, one)
+        yield doubt("large_sizes", sizes={size: explanation.fit.values[size] for size in large})
+    if len(explanation.variants) > 1 and base.adequacy.misfit <= base.adequacy.limit:
+        yield doubt("within_limit")
 
 
 def is_of_one(one: Explanation) -> bool:
@@ -255,34 +224,28 @@ def only_improved(base: Fit, one: Explanation) -> str | None:
     return most
 
 
-def _sizes(one: Explanation) -> str:
-    """Return the sizes outside their plausible range, and the ranges."""
-    return implausible(one.parameters, {name: one.fit.values[name] for name in one.implausible})
+def _freedom(fit: Fit) -> dict[str, float]:
+    """Return numbers of independent values and of unknowns, and the degrees of freedom that are left."""
+    values, freedom = fit.independent_values, fit.degrees_of_freedom
+    return {"values": values, "unknowns": round(values - freedom), "freedom": max(freedom, 0.0)}
 
 
-def _freedom(fit: Fit) -> str:
-    unknowns, degrees = round(fit.independent_values - fit.degrees_of_freedom), max(fit.degrees_of_freedom, 0.0)
-    return (
-        f"{fit.independent_values:.3g} independent values were measured for {unknowns} unknown"
-        f"{'s' if unknowns != 1 else ''}, so {degrees:.3g} degree{'s' if degrees != 1 else ''} of freedom "
-        f"{'are' if degrees != 1 else 'is'} left, expected at least "
-        f"{LEAST_FREEDOM}"
-    )
-
-
-def _adds_negligible(one: Explanation, other: Explanation) -> bool:
-    return other.ids < one.ids and one.ids - other.ids <= one.negligible
-
-
-def _adds_only(one: Explanation, other: Explanation) -> bool:
-    return other.ids < one.ids and one.evidence < other.evidence + MARGIN
-
-
-def _describe(alternative: Explanation) -> str:
-    *causes, variant = alternative.variants
-    return " + ".join([*(cause.cause.title for cause in causes), f"{variant.meaning} {variant.name}"])
-
-
-def _in_order(remaining: Sequence[Explanation], ids: frozenset[str]) -> tuple[str, ...]:
-    together = (variant.cause.id for explanation in remaining for variant in explanation.variants)
-    return tuple(dict.fromkeys(id for id in together if id in ids))
+def limits_of(selection: Selection) -> Iterator[Reason]:
+    """Yield what the data of a selection do not show, or cannot distinguish."""
+    model = selection.base.model
+    if not model.tolerances:
+        yield Reason("no_tolerances")
+    if len(model.configurations) == 1:
+        sources, another = model.separable
+        yield Reason("single_configuration", {"sources": sources, "another": another})
+    if selection.base.one_mode:
+        yield Reason("single_mode")
+    for code in (DATA_HOLDER, TABLE):
+        if causes := [id for id, error in selection.undecidable.items() if error.shared == code]:
+            yield Reason(code, {"causes": causes})
+    frequencies = [observation for observation in model.observations if not observation.is_receptance]
+    if len(frequencies) == len(model.observations):
+        damping = [] if any(one.damped.size for one in frequencies) else ["damping"]
+        yield Reason("frequencies_alone", {"hidden": [*damping, "gain", "delay", "hits"]})
+    elif frequencies:
+        yield Reason("frequencies_and_frfs")

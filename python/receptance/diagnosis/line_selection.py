@@ -7,21 +7,22 @@ from dataclasses import replace
 import numpy as np
 
 from receptance.diagnosis.model import Model
+from receptance.diagnosis.text import Reason
 from receptance.diagnosis.thresholds import EXPLORING_LINES
-from receptance.fit.line_selection import FEWEST_LINES, NOISIEST_LINE, informative_lines, usable_lines
+from receptance.fit.line_selection import FEWEST_LINES, informative_lines, usable_lines
 from receptance.fit.observation import Observation
 
 
-def select_lines(model: Model) -> tuple[Model, tuple[str, ...]]:
-    """Return the model with the lines that a diagnosis can use, and notes on the others.
+def select_lines(model: Model) -> tuple[Model, tuple[Reason, ...]]:
+    """Return the model with the lines that a diagnosis can use, and the reasons why others are left out.
 
     Raises
     ------
     ValueError
         No measurement has enough such lines.
     """
-    notes: list[str] = []
-    dropped: list[str] = []
+    reasons: list[Reason] = []
+    dropped: dict[str, int] = {}
     kept: list[Observation] = []
     lost = total = 0
     usable = usable_lines(model.observations, model.configuration_of)
@@ -33,24 +34,16 @@ def select_lines(model: Model) -> tuple[Model, tuple[str, ...]]:
         total += good.size
         lost += good.size - count
         if count < min(FEWEST_LINES, good.size):
-            dropped.append(f"{observation.label or name} ({count} of {good.size})")
+            dropped[observation.label or name] = count
             continue
         kept.append(observation if good.all() else observation.select(good))
     if lost:
-        notes.append(
-            f"{lost} of {total} lines are not used: the standard deviation of their logarithm, or of the same line in "
-            f"another record of the configuration, is above {NOISIEST_LINE:g}, where the logarithm is not normal "
-            "(antiresonances, or a low coherence)"
-        )
+        reasons.append(Reason("lines_left_out", {"lost": lost, "total": total}))
     if dropped:
-        missing = (
-            f"too few lines with a standard deviation up to {NOISIEST_LINE:g}: {', '.join(dropped)}; the coherence is "
-            "too low there: hit harder, or average more hits"
-        )
+        reasons.append(Reason("records_left_out", {"records": dropped}))
         if not kept:
-            raise ValueError(missing)
-        notes.append(f"not used: {missing}")
-    return (model.select(tuple(kept)) if dropped else replace(model, observations=tuple(kept))), tuple(notes)
+            raise ValueError(str(reasons[-1]))
+    return (model.select(tuple(kept)) if dropped else replace(model, observations=tuple(kept))), tuple(reasons)
 
 
 def on_few_lines(model: Model, lines: int = EXPLORING_LINES) -> tuple[Observation, ...]:

@@ -27,14 +27,14 @@ SPRING_TERMS = tuple(field for field in PointJoint.columns_of if field != "loss_
 _SEGMENT = re.compile(r"(\w+)\.segment\[(\d+)\]\.(.+)")
 
 
-DATA_HOLDER = "the holder is described by data"
-"""Why a cause in the holder is not decided where no beams describe it."""
-TABLE = "the model ends with a table of receptances"
-"""Why a cause is not decided beside a table."""
+DATA_HOLDER = "holder_by_data"
+"""Code of the reason why a cause in the holder is not decided where no beams describe it."""
+TABLE = "ends_with_table"
+"""Code of the reason why a cause is not decided where the model ends with a table of receptances."""
 
 
 class UndecidableError(Exception):
-    """The data cannot show a cause; the message names the missing data, `shared` a reason of several causes."""
+    """The data cannot show a cause: the message names the missing data, `shared` is the code of a common reason."""
 
     def __init__(self, message: str, shared: str = "") -> None:
         super().__init__(message)
@@ -381,8 +381,8 @@ def require_beams(model: Model) -> None:
     )
     if data:
         raise UndecidableError(
-            f"{DATA_HOLDER} ({', '.join(data)}), not by beams: they contain its errors, and a change since they were "
-            "measured has no place in the model; measure the holder again",
+            f"the holder is described by data ({', '.join(data)}), not by beams: they contain its errors, and a change "
+            "since they were measured has no place in the model; measure the holder again",
             DATA_HOLDER,
         )
 
@@ -404,7 +404,7 @@ def far_end(model: Model) -> str:
 def require_no_table(model: Model, reason: str) -> None:
     """Raise `UndecidableError` if an assembly ends with a table of receptances, which does not allow for a cause."""
     if any(observation.assembly.tabulated for observation in model.observations):
-        raise UndecidableError(f"{TABLE}, {reason}", TABLE)
+        raise UndecidableError(f"the model ends with a table of receptances, {reason}", TABLE)
 
 
 def places_on(observation: Observation, part: str) -> Iterator[float]:

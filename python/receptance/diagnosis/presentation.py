@@ -9,11 +9,11 @@ import numpy as np
 
 from receptance import diagnosis
 from receptance.diagnosis.by_mode import ModeResidual, curves
-from receptance.diagnosis.findings import CandidateCause, Findings
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Gain
 from receptance.diagnosis.held_out_curves import held_out_curves
+from receptance.diagnosis.text import capital, names, odds, share, size_texts
 from receptance.diagnosis.thresholds import MARGIN
-from receptance.diagnosis.wording import capital, names, odds, share, size_texts
+from receptance.diagnosis.verdict import CandidateCause, Verdict
 from receptance.fit.adequacy import times
 from receptance.fit.result import Identification
 from receptance.report import Column, Fact, PageSection, Table
@@ -41,7 +41,7 @@ _RECORDS = 12
 # Facts.
 
 
-def facts(verdict: Findings) -> list[Fact]:
+def facts(verdict: Verdict) -> list[Fact]:
     """Return the verdict, each reported cause with its size and its remedy, and what else was found."""
     shown = [Fact("Verdict", tuple(_answer(verdict)))]
     count = len(verdict.causes)
@@ -50,12 +50,12 @@ def facts(verdict: Findings) -> list[Fact]:
         label = f"Cause {position} of {count}" if count > 1 else "Cause"
         shown.append(Fact(label, (f"{capital(cause.title)}: {cause.meaning}{_at(cause)}.{beside}",)))
         shown += _size_and_remedy(cause)
-    if lines := verdict.campaign_lines:
-        added = f"add the {names(verdict.causes_together)} to the model"
+    if verdict.explanation is not None and (lines := verdict.campaign.lines):
+        added = f"add the {names([variant.cause.id for variant in verdict.explanation.variants])} to the model"
+        fact = Fact("Campaign file", (f"These lines {added}:",), lines)
         if len(lines) > _MOST_LINES:
-            shown.append(Fact("Campaign file", (f"{len(lines)} lines {added}; the option --extended writes them.",)))
-        else:
-            shown.append(Fact("Campaign file", (f"These lines {added}:",), lines))
+            fact = Fact("Campaign file", (f"{len(lines)} lines {added}; the option --extended writes them.",))
+        shown.append(fact)
     for cause in verdict.vetoed:
         text = (
             f"With the {names((cause.id, *cause.together_with))} the residuals fall from "
@@ -67,28 +67,21 @@ def facts(verdict: Findings) -> list[Fact]:
         text = f"{capital(other.meaning)} {other.variant} explains the data; it is not a known cause."
         shown += [Fact("Place", (text,)), *_size_and_remedy(other)]
     elif verdict.verdict == "unexplained":
-        plausible = (cause for cause in verdict.candidates if cause.plausible and cause.evidence > verdict.threshold)
-        if (near := next(plausible, None)) is not None:
-            text = (
-                f"{capital(near.title)}{_at(near)} comes nearest: {near.meaning}. It leaves "
-                f"{_residuals_of(verdict, near.misfit)}."
-            )
+        plausible = [cause for cause in verdict.candidates if cause.plausible and cause.evidence > verdict.threshold]
+        for near in plausible[:1]:
+            text = f"{capital(near.title)}{_at(near)} comes nearest: {near.meaning}."
+            text += f" It leaves {_residuals_of(verdict, near.misfit)}."
             shown += [Fact("Nearest cause", (text,)), Fact("Size", (f"{near.sizes or 'no parameter'}.",))]
     if verdict.bias is not None:
         shown.append(Fact("Held out", (f"{capital(str(verdict.bias))}.",)))
     return shown
 
 
-def _answer(verdict: Findings) -> Iterator[str]:
-    if verdict.final:
+def _answer(verdict: Verdict) -> Iterator[str]:
+    if verdict.interrupted is None:
         yield f"{verdict.verdict}: {SENTENCE[verdict.verdict]}"
     else:
-        position = verdict.settings["interrupted"]
-        yield (
-            f"{verdict.verdict}, not final: this result is preliminary, because causes were not tried: the diagnosis "
-            f"was interrupted in step {position['step']} of about {position['of_about']}, after "
-            f"{position['seconds']:.0f} s."
-        )
+        yield f"{verdict.verdict}, not final: {verdict.interrupted}."
     if not _is_fitted(verdict):
         yield "The base model is not fitted yet, so no cause was tried."
         return
@@ -98,8 +91,8 @@ def _answer(verdict: Findings) -> Iterator[str]:
             yield f"The largest residuals are in {adequacy.worst[0]}."
         factor = math.sqrt(max(adequacy.misfit / adequacy.limit, adequacy.smooth / adequacy.smooth_limit))
         if verdict.verdict == "unexplained" and verdict.final and factor > 1.0:
-            factor_text = amount(factor, digits=2)
-            yield f"The model would be adequate if all standard deviations were {factor_text} times as large."
+            larger = amount(factor, digits=2)
+            yield f"The model would be adequate if all standard deviations were {larger} times as large."
     if verdict.candidates and not beyond_chance(verdict):
         likely = verdict.candidates[0]
         yield (
@@ -118,29 +111,27 @@ def _at(cause: CandidateCause) -> str:
     return "" if cause.variant == "all" else f" ({cause.variant})"
 
 
-def _residuals_of(verdict: Findings, misfit: float) -> str:
-    beside = "noise and model error" if verdict.discrepancy is not None and verdict.causes else "the noise"
+def _residuals_of(verdict: Verdict, misfit: float) -> str:
+    beside = "noise and model discrepancy" if verdict.discrepancy is not None and verdict.causes else "the noise"
     return f"residuals of {times(misfit)} times {beside}"
 
 
-def _is_fitted(verdict: Findings) -> bool:
+def _is_fitted(verdict: Verdict) -> bool:
     """Return whether the base was fitted before an interruption."""
     return verdict.final or verdict.selection.base.converged
 
 
-def next_step(verdict: Findings) -> str:
+def next_step(verdict: Verdict) -> str:
     """Return what to do next."""
-    file = verdict.campaign_path or verdict.provenance.file or "CAMPAIGN"
+    file = verdict.campaign.path or verdict.provenance.file or "CAMPAIGN"
     if not verdict.final:
         return "let the diagnosis end: not all causes were tried"
     if verdict.next_measurement is not None:
         return f"{verdict.next_measurement.action}; {verdict.next_measurement.reason}"
-    if verdict.campaign_lines:
+    if verdict.campaign.lines:
         return f"`receptance diagnose {file} --extended extended.toml`, then `receptance identify extended.toml`"
     if verdict.verdict == "adequate":
         return f"none is needed: `receptance predict {file}` uses this model"
-    if verdict.verdict == "undecided":
-        return f"measure more modes, {verdict.selection.base.model.separable[1]}, or an FRF"
     return ""
 
 
@@ -189,19 +180,17 @@ def improvement_text(gain: Gain) -> str:
     if gain.units > len(gain.folds):
         units = f", from {gain.units} {gain.unit} with a correlation of {gain.correlation:.2f} within a fold"
     low, high = scale * low, scale * high
-    if low < 0.0 < high:
-        change = f"between {amount(-low, unit)} worse and {amount(high, unit)} better"
-    elif high <= 0.0:
-        change = f"worse by {amount_interval((-high, -low), unit, 3)}"
-    else:
-        change = f"better by {amount_interval((low, high), unit, 3)}"
+    change = f"between {amount(-low, unit)} worse and {amount(high, unit)} better"
+    if not low < 0.0 < high:
+        ends = (-high, -low) if high <= 0.0 else (low, high)
+        change = f"{'worse' if high <= 0.0 else 'better'} by {amount_interval(ends, unit, 3)}"
     return f"{change} (95 %{units}), in {gain.better} of {len(gain.folds)} folds"
 
 
 # Tables.
 
 
-def tables(verdict: Findings) -> list[Table]:
+def tables(verdict: Verdict) -> list[Table]:
     """Return the effect of the causes, the alternatives, and the modes with the largest errors."""
     modes = _mode_table(
         "Modes with the largest errors, modelled less measured", verdict.modes, verdict.modes_after, _LONGEST
@@ -213,31 +202,28 @@ _Row = tuple[str, str, str | None, str]
 """Name, value before and after, and change."""
 
 
-def _effect(verdict: Findings) -> list[Table]:
+def _effect(verdict: Verdict) -> list[Table]:
     """Return residuals and held-out errors, and the parameters, before and after the cause is part of the model."""
-    errors, held_out, parameters = [*_residuals(verdict)], _held_out(verdict), [*_parameters(verdict)]
-    note, improvements = "", {change for *_, change in held_out}
-    if len(improvements) == 1 and len(held_out) > 1:
-        # The same for every metric.
-        note = f"Held out: {improvements.pop()}."
-        held_out = [(*row[:3], "") for row in held_out]
-    errors += held_out
+    held_out, note = _held_out(verdict), ""
+    if len(held_out) > 1 and all(row[-1] == held_out[0][-1] for row in held_out):
+        note, held_out = f"Held out: {held_out[0][-1]}.", [(*row[:3], "") for row in held_out]
+    rows, columns = [*_residuals(verdict), *held_out], [Column("before"), Column("after")]
     if verdict.explanation is None:
         shown = [
-            Table("The model as it is", ("quantity", Column("value")), [row[:2] for row in errors]),
-            Table("Its parameters", ("parameter", Column("value")), [row[:2] for row in parameters]),
+            Table("The model as it is", ("quantity", Column("value")), [row[:2] for row in rows]),
+            Table("Its parameters", ("parameter", Column("value")), [row[:2] for row in _parameters(verdict)]),
         ]
     else:
         by = "the cause" if len(verdict.causes) == 1 else "the best explanation"
-        numbers = (Column("before"), Column("after"))
+        changes: list[str | Column] = ["parameter", *columns, Column("change")]
         shown = [
-            Table(f"Effect of {by}", ("quantity", *numbers, "change"), errors, note),
-            Table(f"Parameters without and with {by}", ("parameter", *numbers, Column("change")), parameters),
+            Table(f"Effect of {by}", ("quantity", *columns, "change"), rows, note),
+            Table(f"Parameters without and with {by}", changes, [*_parameters(verdict)]),
         ]
     return [table.without_empty() for table in shown if table.rows]
 
 
-def _residuals(verdict: Findings) -> Iterator[_Row]:
+def _residuals(verdict: Verdict) -> Iterator[_Row]:
     before, after = verdict.adequacy, verdict.adequacy_after
     if _is_fitted(verdict):
         misfit, rest, change = f"{times(before.misfit)} times", None, ""
@@ -251,13 +237,13 @@ def _residuals(verdict: Findings) -> Iterator[_Row]:
         before_and_after = (verdict.discrepancy, verdict.discrepancy_after)
         for name, field in (("damping", "damping"), ("level", "relative"), ("natural frequencies", "frequency")):
             size, left = (getattr(found, field, None) for found in before_and_after)
-            shares.insert(0, (f"model error beside noise, {name}", size, left))
+            shares.insert(0, (f"model discrepancy, {name}", size, left))
     for name, size, left in shares:
         if size is not None:
             yield name, percent(size), None if left is None else percent(left), _decibel(size, left)
 
 
-def _held_out(verdict: Findings) -> list[_Row]:
+def _held_out(verdict: Verdict) -> list[_Row]:
     return [
         (
             f"held out: {metric_name(gain.metric)}",
@@ -269,20 +255,18 @@ def _held_out(verdict: Findings) -> list[_Row]:
     ]
 
 
-def _parameters(verdict: Findings) -> Iterator[_Row]:
+def _parameters(verdict: Verdict) -> Iterator[_Row]:
     base, extended = verdict.base, verdict.extended
-    if not _is_fitted(verdict):
-        return
-    shown = [name for name in base.values if name not in base.errors]
-    if extended is None:
-        yield from ((name, _with_interval(base, name), None, "") for name in shown[:_PARAMETERS])
-        return
-    shown = [name for name in shown if name in extended.values]
-    # Of many parameters, those of levels for example, the ones that change most.
-    largest = sorted(shown, key=lambda name: -_change(base.values[name], extended.values[name]))[:_PARAMETERS]
-    for name in (name for name in shown if name in largest):
-        change = _ratio(base.values[name], extended.values[name])
-        yield name, _with_interval(base, name), _with_interval(extended, name), change
+    shown = [name for name in base.values if name not in base.errors] if _is_fitted(verdict) else []
+    if extended is not None:
+        # Of many parameters, those of levels for example, the ones that change most.
+        common = [name for name in shown if name in extended.values]
+        shown = sorted(common, key=lambda name: -_change(base.values[name], extended.values[name]))
+    largest = shown[:_PARAMETERS]
+    for name in (name for name in base.values if name in largest):
+        after = None if extended is None else _with_interval(extended, name)
+        change = "" if extended is None else _ratio(base.values[name], extended.values[name])
+        yield name, _with_interval(base, name), after, change
 
 
 def _change(before: float, after: float) -> float:
@@ -325,7 +309,7 @@ def _rms(modes: Sequence[ModeResidual]) -> float | None:
     return 0.01 * float(np.sqrt(np.mean(errors**2))) if errors.size else None
 
 
-def alternatives(verdict: Findings, most: int | None = None) -> Table:
+def alternatives(verdict: Verdict, most: int | None = None) -> Table:
     """Return every cause alone: how much it explains, how likely it is beside the best, and why it is not the answer.
 
     With `most` the table has that many causes, and counts the others.
@@ -347,13 +331,13 @@ def alternatives(verdict: Findings, most: int | None = None) -> Table:
     return Table("Alternatives", columns, rows if likely else [], " ".join(notes)).without_empty()
 
 
-def beyond_chance(verdict: Findings) -> list[CandidateCause]:
+def beyond_chance(verdict: Verdict) -> list[CandidateCause]:
     """Return the causes that are reported, or explain more than noise does by chance."""
     reported, least = {cause.id for cause in verdict.causes}, max(verdict.threshold, 0.0)
     return [cause for cause in verdict.candidates if cause.evidence > least or cause.id in reported]
 
 
-def _share(verdict: Findings, cause: CandidateCause) -> str:
+def _share(verdict: Verdict, cause: CandidateCause) -> str:
     """Return the share that a cause explains of the misfit above noise, which an adequate explanation shows."""
     selection, best = verdict.selection, verdict.explanation
     if selection.beside is not None:
@@ -362,12 +346,12 @@ def _share(verdict: Findings, cause: CandidateCause) -> str:
     return share(selection.base.misfit, cause.misfit, noise)
 
 
-def _why_not(verdict: Findings, cause: CandidateCause) -> str:
+def _why_not(verdict: Verdict, cause: CandidateCause) -> str:
     """Return why a cause is not reported, or that it is."""
     together = {other.id: other.together_with for other in verdict.causes}
     if cause.id in together:
         return f"reported, together with {names(together[cause.id])}" if together[cause.id] else "reported"
-    reasons = [cause.vetoed] if cause.vetoed else [] if cause.plausible else ["implausible size"]
+    reasons = [] if cause.plausible else [cause.vetoed]
     if cause.misfit > verdict.adequacy.limit and not reasons:
         reasons.append(f"leaves {_residuals_of(verdict, cause.misfit)}")
     if not cause.converged:
@@ -396,8 +380,9 @@ def _mode_table(
     quantities = _QUANTITIES if most is None else _QUANTITIES[:2]
     other = {(mode.label, mode.mode): mode for mode in after}
     rows: list[list[Cell]] = []
-    shown = before if most is None else sorted(before, key=_error_of_frequency, reverse=True)[:most]
-    for mode in shown:
+    # Of a mode that is not in the model the error is not a number.
+    by_error = sorted(before, key=lambda mode: -np.nan_to_num(abs(mode.frequency_percent), nan=np.inf))
+    for mode in before if most is None else by_error[:most]:
         pair = [mode, other[mode.label, mode.mode]] if (mode.label, mode.mode) in other else [mode]
         cells = [
             " → ".join(number(value, form) for each in pair if math.isfinite(value := getattr(each, field)))
@@ -410,39 +395,30 @@ def _mode_table(
     return Table(f"{title}{', before → after' if after else ''}", columns, rows).without_empty()
 
 
-def _error_of_frequency(mode: ModeResidual) -> float:
-    """Return the size of an error; infinite where the model does not have the mode."""
-    return abs(mode.frequency_percent) if math.isfinite(mode.frequency_percent) else math.inf
-
-
 # Page.
 
 
-def key_figures(verdict: Findings) -> list[tuple[str, Sequence[str]]]:
+def key_figures(verdict: Verdict) -> list[tuple[str, Sequence[str]]]:
     """Return the few numbers that a reader looks for first: names, and values before and after."""
     figures: list[tuple[str, Sequence[str]]] = []
-    figures += [
-        (f"size: {cause.title}", [size_texts(cause.parameters, cause.declared)[0][0]])
-        for cause in verdict.causes[:1]
-        if cause.parameters
-    ]
-    held_out = zip(verdict.gains, _held_out(verdict), strict=True)
-    for name, before, after, _ in (*_residuals(verdict), *(row for gain, row in held_out if gain.metric != SCORE)):
+    for cause in verdict.causes[:1]:
+        texts = size_texts(cause.parameters, cause.explanation.parameters)
+        figures += [(f"size: {cause.title}", [size]) for size, _ in texts[:1]]
+    held_out = [row for gain, row in zip(verdict.gains, _held_out(verdict), strict=True) if gain.metric != SCORE]
+    for name, before, after, _ in (*_residuals(verdict), *held_out):
         figures.append((name, [before] if after is None or after == before else [before, after]))
     return figures
 
 
-def sections(verdict: Findings) -> list[PageSection]:
+def sections(verdict: Verdict) -> list[PageSection]:
     """Return held-out and fitted data before and after, all causes, those that the data cannot show, and settings."""
     shown = [*_section_of_held_out_data(verdict), _section_of_fitted_data(verdict), *_section_of_causes(verdict)]
-    if verdict.undecidable:
-        rows = [(names([id]), reason) for id, reason in verdict.undecidable.items()]
-        table = Table("", ("cause", "reason"), rows)
-        shown.append(PageSection("Causes that these data cannot show", tables=[table]))
+    if rows := [(names([id]), reason) for id, reason in verdict.undecidable.items()]:
+        shown.append(PageSection("Causes that these data cannot show", tables=[Table("", ("cause", "reason"), rows)]))
     return [*shown, _section_of_settings(verdict)]
 
 
-def _section_of_held_out_data(verdict: Findings) -> Iterator[PageSection]:
+def _section_of_held_out_data(verdict: Verdict) -> Iterator[PageSection]:
     if not verdict.gains:
         return
     fitted = "which were not fitted" if verdict.held_out is not None else "each left out of the fit"
@@ -463,11 +439,12 @@ def _section_of_held_out_data(verdict: Findings) -> Iterator[PageSection]:
     ]
     columns = ("held out", "verdict without it", "causes", Column("before"), Column("after"))
     by_fold = Table(f"By configuration: {metric_name(gain.metric)}", columns, folds if len(folds) > 1 else [])
-    modes = _mode_table("Held-out modes, predicted less measured", verdict.held_out_modes, verdict.held_out_modes_after)
+    improvement = verdict.improvement
+    modes = _mode_table("Held-out modes, predicted less measured", improvement.modes, improvement.modes_after)
     yield PageSection("Held-out data", texts, drawn, [table for table in (by_fold, modes) if table.rows])
 
 
-def _section_of_fitted_data(verdict: Findings) -> PageSection:
+def _section_of_fitted_data(verdict: Verdict) -> PageSection:
     observations, explanation = verdict.selection.base.model.observations, verdict.explanation
     before = curves(verdict.base_fit)
     after = [None] * len(before) if explanation is None else [*curves(explanation.fit)]
@@ -494,7 +471,7 @@ def _section_of_fitted_data(verdict: Findings) -> PageSection:
     return PageSection("Fitted data", texts, drawn, [modes] if modes.rows else [])
 
 
-def _section_of_causes(verdict: Findings) -> Iterator[PageSection]:
+def _section_of_causes(verdict: Verdict) -> Iterator[PageSection]:
     if not verdict.candidates:
         return
     text = (
@@ -513,13 +490,10 @@ def _section_of_causes(verdict: Findings) -> Iterator[PageSection]:
     yield PageSection("All causes", [text], [figure], [table.without_empty() for table in every])
 
 
-def _section_of_settings(verdict: Findings) -> PageSection:
-    rate = round(verdict.selection.evaluations_per_second)
-    settings = {**verdict.settings, "model_evaluations_per_second": rate, "versions": verdict.provenance.versions}
+def _section_of_settings(verdict: Verdict) -> PageSection:
+    settings = {**verdict.settings, "model_evaluations_per_second": round(verdict.selection.evaluations_per_second)}
     rows: list[tuple[str, str]] = []
-    for name, value in settings.items():
-        if isinstance(value, dict):
-            rows += [(f"{name}: {key}", str(inner)) for key, inner in value.items()]
-        else:
-            rows.append((name, ", ".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)))
+    for name, value in {**settings, "versions": verdict.provenance.versions}.items():
+        pairs = {f"{name}: {key}": inner for key, inner in value.items()} if isinstance(value, dict) else {name: value}
+        rows += [(key, ", ".join(map(str, v)) if isinstance(v, (list, tuple)) else str(v)) for key, v in pairs.items()]
     return PageSection("Settings and versions", tables=[Table("", ("setting", "value"), rows)])

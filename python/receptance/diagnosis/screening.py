@@ -24,6 +24,7 @@ from receptance.diagnosis.thresholds import (
     COLUMNS_TOGETHER,
     DEPENDENT,
     INVISIBLE,
+    LOOK_ALIKE,
     OTHER_QUANTITY,
     VARIANTS_FITTED,
 )
@@ -286,6 +287,17 @@ def look_alike(first: Direction, second: Direction) -> float:
         return 0.0
     both = first.basis.T @ second.basis
     return float(np.linalg.svd(both, compute_uv=False)[0].clip(0.0, 1.0))
+
+
+def look_alikes(effects: Sequence[Direction], variant: Variant) -> dict[str, float]:
+    """Return the causes with an effect similar to that of a variant, and the largest cosine of each, descending."""
+    cosines: dict[str, float] = {}
+    for effect in [direction for direction in effects if direction.variant == variant][:1]:
+        for other in effects:
+            if other.cause.id != variant.cause.id and other.slopes.shape[1] <= effect.slopes.shape[1]:
+                cosines[other.cause.id] = max(cosines.get(other.cause.id, 0.0), look_alike(effect, other))
+    similar = sorted(cosines.items(), key=lambda pair: -pair[1])
+    return {id: round(cosine, 4) for id, cosine in similar if cosine >= LOOK_ALIKE}
 
 
 def rank(found: Sequence[Direction], penalty: float) -> list[Direction]:

@@ -60,7 +60,7 @@ def select(
     model: Model,
     causes: Sequence[Cause],
     *,
-    most: int = 2,
+    max_causes: int = 2,
     progress: Progress | None = None,
     discrepancy: Discrepancy | None = None,
     fast: bool = False,
@@ -75,7 +75,7 @@ def select(
         Observations, unknowns and tolerances.
     causes : sequence of Cause
         The causes that are tried.
-    most : int
+    max_causes : int
         Largest number of causes that act together.
     progress : Progress, optional
         Reports each step. A KeyboardInterrupt ends the selection with the results so far: `Selection.interrupted`.
@@ -110,10 +110,10 @@ def select(
     if not interrupted:
         if known is not None:
             selection.add(selection.explain(known.variants, known.fit))
-        again = Search(selection, causes, most=most, progress=report).run(model, choose_modes)
+        again = Search(selection, causes, max_causes=max_causes, progress=report).run(model, choose_modes)
         if again is not None:
             without, best = again
-            selection = select(without, causes, most=most, progress=progress, fast=fast, known=best)
+            selection = select(without, causes, max_causes=max_causes, progress=progress, fast=fast, known=best)
     selection.seconds = perf_counter() - began
     return selection
 
@@ -127,16 +127,16 @@ class Search:
     ----------
     selection : Selection
         With the fit of the base.
-    causes, most, progress
+    causes, max_causes, progress
         As in `select`.
     """
 
     def __init__(
-        self, selection: Selection, causes: Sequence[Cause], *, most: int = 2, progress: Progress | None = None
+        self, selection: Selection, causes: Sequence[Cause], *, max_causes: int = 2, progress: Progress | None = None
     ) -> None:
         self.selection = selection
         self._causes = causes
-        self._most = most
+        self._max_causes = max_causes
         self._report = progress or Progress()
         self._searched: dict[frozenset[Variant], float] = {}
         """Chi-square of the fits to which causes have been added, by their causes."""
@@ -198,7 +198,7 @@ class Search:
                         continue
                     rivals = self._rivals(root, kept, dropped)
                     yield Neighbourhood(kept, root, rivals[:ADDED_CAUSES])
-        if len(best.variants) < self._most and not (best.passed and best.fit.misfit < OVERSTATED):
+        if len(best.variants) < self._max_causes and not (best.passed and best.fit.misfit < OVERSTATED):
             rivals = self._rivals(best.fit, best.variants)
             if best.fit.misfit <= SCREENING_LIMIT:
                 limit = max(own.threshold, 0.0)

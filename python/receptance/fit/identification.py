@@ -215,8 +215,8 @@ def identify(
     result = fit(task, problem)
     if objective == "log" and all(unit == "standard deviations" for unit in units) and has_spindle_errors(observed):
         # The errors of a measured spindle act through the joint, which the first fit knows.
-        observed, more = with_spindle_errors(observed, result.assemblies)
-        notes += more
+        observed, errors = with_spindle_errors(observed, result.assemblies)
+        notes += [] if errors is None else [str(errors)]
         task = replace(task, observed=observed)
         result = fit(task, task.problem())
     return result if noise == "stated" else _judged(result, tolerance)

@@ -23,7 +23,7 @@ the part.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,26 @@ from receptance.model.assembly import Assembly
 from receptance.model.beams import Part
 from receptance.model.terminals import RESIDUALS, Terminal
 from receptance.report.table import percent
+
+
+@dataclass(frozen=True)
+class SpindleErrors:
+    """The errors of parts at the ends of assemblies, as a share of the variance of records."""
+
+    records: int
+    """Number of records whose variance includes them."""
+    parts: tuple[str, ...]
+    share: float
+    """Their share of the variance on the median line."""
+
+    def __str__(self) -> str:
+        text = (
+            f"the variance of {self.records} {'record' if self.records == 1 else 'records'} includes the errors of "
+            f"{', '.join(self.parts)}, {percent(self.share)} of it on the median line"
+        )
+        shared = "; the records share them, so on each line they have the information of one measurement"
+        return text if self.records == 1 else text + shared
+
 
 _LARGEST_FORCE = 30.0
 """Largest factor between the force at the plane that the data imply and that of the fitted model."""
@@ -46,8 +66,8 @@ def has_spindle_errors(observations: Sequence[Observation]) -> bool:
 
 def with_spindle_errors(
     observations: Sequence[Observation], fitted: Sequence[Assembly]
-) -> tuple[tuple[Observation, ...], tuple[str, ...]]:
-    """Return observations whose variance includes the errors of the parts at their ends, and notes.
+) -> tuple[tuple[Observation, ...], SpindleErrors | None]:
+    """Return observations whose variance includes the errors of the parts at their ends, and these; None without any.
 
     Parameters
     ----------
@@ -68,7 +88,7 @@ def with_spindle_errors(
         deviation = _deviation(observation, assembly, part)
         found[i] = parts.index(part), part.error_groups(observation.frequency_hz.real), deviation
     if not found:
-        return tuple(observations), ()
+        return tuple(observations), None
     sums: dict[int, NDArray[np.float64]] = {}
     for number in range(len(parts)):
         members = [(numbers, deviation) for at, numbers, deviation in found.values() if at == number]
@@ -86,15 +106,8 @@ def with_spindle_errors(
         return altered(observation, standard_deviation=np.sqrt(variance))
 
     result = tuple(widened(i, observation) for i, observation in enumerate(observations))
-    names = ", ".join(dict.fromkeys(part.name or part.role for part in parts))
-    share, count = float(np.median(np.concatenate(shares))), len(found)
-    records = "record" if count == 1 else "records"
-    note = (
-        f"the variance of {count} {records} includes the errors of {names}, {percent(share)} of it on the median line"
-    )
-    if count > 1:
-        note += "; the records share them, so on each line they have the information of one measurement"
-    return result, (note,)
+    names = tuple(dict.fromkeys(part.name or part.role for part in parts))
+    return result, SpindleErrors(len(found), names, float(np.median(np.concatenate(shares))))
 
 
 def _end_with_errors(observation: Observation) -> Terminal | None:
