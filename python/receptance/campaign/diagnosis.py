@@ -16,7 +16,7 @@ from receptance.diagnosis.fitting import fit_base
 from receptance.diagnosis.held_out import FREQUENCIES, improvement, metrics_of
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.thresholds import LEAST_FREEDOM
-from receptance.diagnosis.truncation import truncation_time
+from receptance.diagnosis.truncation import record_ends
 from receptance.diagnosis.unknown_spindle import MODE_CHOICES
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation
@@ -82,7 +82,7 @@ def diagnose_campaign(
             verdict.selection.base.model,
             observations=observations,
             # Held-out records may end at another time, or not at all.
-            truncation=truncation_time([observation for observation in observations if observation.is_receptance]),
+            ends=record_ends([observation for observation in observations if observation.is_receptance]),
             tolerances=tuple(campaign.errors_of(held_out)),
         )
         found = improvement(verdict.selection, verdict.explanation, unseen, metrics)

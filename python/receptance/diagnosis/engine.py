@@ -36,7 +36,7 @@ from receptance.diagnosis.unknown_spindle import ChooseModes
 from receptance.diagnosis.verdict import Verdict
 from receptance.diagnosis.wording import implausible
 from receptance.errors import ReceptanceError
-from receptance.fit.observation import Observation
+from receptance.fit.observation import Observation, altered
 from receptance.fit.problem import one_blas_thread
 from receptance.fit.unknowns import Tolerance, Unknowns, as_unknowns
 
@@ -193,7 +193,10 @@ def _check_observations(observations: Observation | Sequence[Observation]) -> tu
                 f"{one!r} has no standard deviation, which the diagnosis needs to judge the residuals; "
                 f"{one.noise.unused_coherence or remedy}"
             )
-    return given
+    # Causes of single records need their names.
+    return tuple(
+        altered(one, configuration=one.site(i).configuration, label=one.title(i)) for i, one in enumerate(given)
+    )
 
 
 def _beside_discrepancy(

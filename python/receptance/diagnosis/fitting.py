@@ -390,24 +390,6 @@ def explore(model: Model, starts: Sequence[Mapping[str, float]], *, far: bool = 
     return Exploration(model, problem, tuple(ends), problem.evaluations)
 
 
-def best_start(model: Model, values: Mapping[str, float], name: str, grid: Sequence[float]) -> float:
-    """Return the value of an unknown among those of a grid with the smallest chi-square on few lines.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    values : mapping of str to float
-        Values of the other unknowns, as in `refit`.
-    name : str
-        Name of the unknown.
-    grid : sequence of float
-        Values that are compared.
-    """
-    problem = _problem_on_few_lines(model)
-    return min(grid, key=lambda value: problem.cost(model.task.variables.vector_of({**values, name: value})))
-
-
 def _short_fits(
     model: Model, problem: Problem, starts: Sequence[Mapping[str, float]], *, far: bool = False
 ) -> list[End]:

@@ -55,8 +55,6 @@ LEAST_FREEDOM = 3
 
 CHANCE_DRAWS = 20000
 """Draws of residuals for the detection threshold."""
-OTHER_QUANTITY = 0.3
-"""Median error of the logarithm of a receptance from which another measured quantity is tried."""
 VARIANTS_FITTED = 3
 """Variants of each cause that are fitted, the highest predicted evidence first."""
 VARIANTS_AGAIN = 12
@@ -172,8 +170,6 @@ TRUNCATION_FROM = 0.3
 """Earliest truncation, as a share of the period."""
 TRUNCATION_POINTS = 400
 """Instants of a period."""
-SCANNED_ENDS = 1000
-"""Most ends of a record from which the start of a fit is chosen."""
 UNEVEN_LINES = 0.02
 """Largest deviation of a line from a multiple of the spacing, in spacings."""
 
