@@ -87,7 +87,7 @@ def diagnose_campaign(
         )
         found = improvement(verdict.selection, verdict.explanation, unseen, metrics)
         verdict = replace(verdict.with_improvement(found), held_out=unseen)
-    notes += [*left_out, *verdict.notes]
+    notes = [*verdict.notes, *notes, *left_out]
     if choose_modes is not None:
         notes += _notes_on_modes(stabilised, verdict)
     return replace(verdict, notes=tuple(dict.fromkeys(notes)), provenance=campaign.provenance())

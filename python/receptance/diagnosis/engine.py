@@ -13,6 +13,7 @@ from receptance.diagnosis.advice import advise
 from receptance.diagnosis.beside_discrepancy import select_beside
 from receptance.diagnosis.catalogue import resolve_causes
 from receptance.diagnosis.causes import Cause, Variant, extend
+from receptance.diagnosis.contradictions import contradictions
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.findings import CandidateCause
 from receptance.diagnosis.fitting import fit_discrepancy, refit, sufficient
@@ -162,6 +163,8 @@ def diagnose(
     if verdict.verdict == "unexplained" and verdict.final and not fast and verdict.alternative is None:
         verdict = _beside_discrepancy(verdict, catalogue, most, line_notes, report, model.threads)
         selection = verdict.selection
+    # No model explains both of two records that contradict each other.
+    verdict = replace(verdict, notes=(*map(str, contradictions(model.observations)), *verdict.notes))
     if not held_out or not verdict.final:
         return verdict
     improvement = cross_validate(selection, metrics=metrics, progress=report)

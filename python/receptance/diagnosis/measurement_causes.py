@@ -23,7 +23,7 @@ from receptance.diagnosis.model import (
     require_no_table,
     with_points,
 )
-from receptance.diagnosis.scopes import Place, Scope, scopes_of
+from receptance.diagnosis.scopes import Scope, scopes_of
 from receptance.diagnosis.thresholds import (
     HIT_BOUND,
     HIT_STEP,
@@ -131,7 +131,7 @@ def _place_of_hit(observation: Observation) -> tuple[str, float | Literal["end"]
     return observation.excitation.part or next(iter(observation.assembly.elements)), observation.excitation.position
 
 
-def _is_hit_at(place: Place, observation: Observation) -> bool:
+def _is_hit_at(place: tuple[str, float], observation: Observation) -> bool:
     return _place_of_hit(observation) == place
 
 

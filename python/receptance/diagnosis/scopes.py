@@ -12,21 +12,21 @@ from typing import Any, Literal
 
 from receptance.diagnosis.model import Model, UndecidableError
 from receptance.fit.observation import Observation
+from receptance.model.coordinates import Coordinate
 
 Kind = Literal["all", "configuration", "response channel", "record"]
-Place = tuple[str, float | Literal["end"]]
-"""A part and a position on it, in m from its start."""
+DirectedPlace = tuple[str, float | Literal["end"], str]
+"""A part, a position on it in m from its start, and a direction."""
 
 
-def response_place(observation: Observation) -> Place:
-    """Return the part and the position of the response."""
-    response = observation.response
-    return response.part or next(iter(observation.assembly.elements)), response.position
+def place_of(observation: Observation, coordinate: Coordinate) -> DirectedPlace:
+    """Return the place and the direction of a coordinate of an observation."""
+    return coordinate.part or next(iter(observation.assembly.elements)), coordinate.position, coordinate.direction
 
 
-def _channel(observation: Observation) -> tuple[Place, str]:
+def _channel(observation: Observation) -> DirectedPlace:
     """Return the place and the direction of the response, which has one channel of the measuring chain."""
-    return response_place(observation), observation.response.direction
+    return place_of(observation, observation.response)
 
 
 _KEYS: Mapping[Kind, Callable[[Observation], Any]] = {
@@ -43,7 +43,7 @@ class Scope:
     """Records that one error of a measuring chain changes."""
 
     kind: Kind = "all"
-    key: str | tuple[Place, str] = "all"
+    key: str | DirectedPlace = "all"
     """What they have in common: a configuration, place and direction of a response, or a label."""
 
     @property
@@ -53,7 +53,7 @@ class Scope:
             return "all"
         if isinstance(self.key, str):
             return f"{self.kind} {self.key}"
-        (part, position), direction = self.key
+        part, position, direction = self.key
         place = f"{part} {position}" if isinstance(position, str) else f"{part} {1e3 * position:g} mm"
         return f"{self.kind} {place}" + ("" if direction == "y" else f" {direction}")
 
