@@ -39,11 +39,12 @@ class Contradiction:
 
     def __str__(self) -> str:
         low, high = self.band_hz
+        phase = number(np.degrees(np.angle(self.ratio)), "+.0f")
         return (
             f"{self.first} and {self.second} contradict each other: they are of one structure at the same places, and "
-            f"{self.second} is {amount(abs(self.ratio))} times {self.first} with a phase of "
-            f"{number(np.degrees(np.angle(self.ratio)), '+.0f')}° in the median; {100.0 * self.share:.0f} % of the lines differ, "
-            f"from {low:.0f} to {high:.0f} Hz, by {times(self.misfit)} times the noise: repeat one of them"
+            f"{self.second} is {amount(abs(self.ratio))} times {self.first} with a phase of {phase}° in the median; "
+            f"{100.0 * self.share:.0f} % of the lines differ, from {low:.0f} to {high:.0f} Hz, by "
+            f"{times(self.misfit)} times the noise: repeat one of them"
         )
 
 
