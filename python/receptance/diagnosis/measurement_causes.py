@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import product
+from itertools import combinations, product
 from typing import Literal
 
 import numpy as np
@@ -30,6 +30,7 @@ from receptance.diagnosis.thresholds import (
     LARGE_SIZE,
     SAME_PLACE,
     SENSOR_SHARE,
+    SHORTENED,
     SUSPENSION_PLACES,
 )
 from receptance.diagnosis.truncation import ALL_RECORDS
@@ -45,6 +46,8 @@ _NOT_COMPLEX = "which has no values at the complex frequencies of a window: desc
 _TIMES = {1: "once", 2: "twice"}
 _EARLIEST, _LATEST = 0.8, 1.1
 """Bounds of the end of truncated records, as multiples of the end that the lines show."""
+Place = tuple[str, float | Literal["end"]]
+"""A part and a position on it, in m from its start."""
 _RECORDED = ("displacements", "velocities", "accelerations")
 """Quantities of a record in the order of time derivatives."""
 _POWERS = {
@@ -239,9 +242,13 @@ def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     what = "holder" if model.joints else "structure"
     for share in SUSPENSION_PLACES:
         name = f"at {100 * share:.0f} % of the {what}"
-        yield Variant(name, partial(_hang, share, p["stiffness"]))
+        yield Variant(name, partial(_hang, (share,), p["stiffness"]))
         # Without the damping of a rope another cause would explain its loss.
-        yield Variant(f"{name}, with a loss", partial(_hang, share, p["stiffness"], damping=p["damping"]))
+        yield Variant(f"{name}, with a loss", partial(_hang, (share,), p["stiffness"], damping=p["damping"]))
+    # The ends of a part are no places from which a rope can move.
+    for pair in combinations(SUSPENSION_PLACES[1:-1], 2):
+        name = f"near {100 * pair[0]:.0f} % and {100 * pair[1]:.0f} % of the {what}, with a loss"
+        yield Variant(name, partial(_hang, pair, p["stiffness"], damping=p["damping"], distance=p["distance"]))
 
 
 def _hanging(model: Model) -> dict[str, float]:
@@ -255,15 +262,52 @@ def _hanging(model: Model) -> dict[str, float]:
     return {name: model.parts(name)[0].length for name in hanging.pop()}
 
 
-def _hang(share: float, stiffness: Parameter, model: Model, damping: Parameter | None = None) -> Model:
-    """Return the model on a rope at a share of the length of the parts that hang."""
-    part, position = _at(_hanging(model), share)
-    spring = GroundSpring(part=part, position=position, name="cause_rope")
-    hung = model.with_change(Model.attach, spring).plus(stiffness.unknown("cause_rope.k_y"))
-    return hung if damping is None else hung.plus(damping.unknown("cause_rope.c_y"))
+def _hang(
+    shares: Sequence[float],
+    stiffness: Parameter,
+    model: Model,
+    damping: Parameter | None = None,
+    distance: Parameter | None = None,
+) -> Model:
+    """Return the model on ropes near shares of the length of the parts that hang; they have one damping."""
+    places = tuple(_at(_hanging(model), share) for share in shares)
+    hung = model.with_change(_with_ropes, places)
+    for i, place in enumerate(places):
+        part = f"of rope {i + 1}" if len(places) > 1 else ""
+        hung = hung.plus(stiffness.unknown(f"{_rope(i)}.k_y", part=part))
+        room = _room(model, place, places) if distance is not None and place[1] != "end" else 0.0
+        if distance is not None and room > 0.0:
+            # The place is a step between two segments of one section, which the parameter moves.
+            index = int(np.argmin(np.abs(np.subtract(edges_of(hung.parts(place[0])[0]), float(place[1])))))
+            lengths = {f"{place[0]}.segment[{index - 1}].length": 1.0, f"{place[0]}.segment[{index}].length": -1.0}
+            hung = hung.plus(distance.move(lengths, part=part, lower=-room, upper=room))
+    if damping is None:
+        return hung
+    return hung.plus(damping.unknown(f"{_rope(0)}.c_y", also={f"{_rope(i)}.c_y": 1.0 for i in range(1, len(places))}))
 
 
-def _at(lengths: Mapping[str, float], share: float) -> tuple[str, float | Literal["end"]]:
+def _rope(number: int) -> str:
+    return f"cause_rope_{number + 1}" if number else "cause_rope"
+
+
+def _with_ropes(model: Model, places: Sequence[Place]) -> Model:
+    """Return the model with springs at places, each on a step between segments where it may move."""
+    for place in places if len(places) > 1 else ():
+        if place[1] != "end" and _room(model, place, places) > 0.0:
+            model, _ = model.split(place[0], float(place[1]))
+    ropes = [GroundSpring(part=part, position=position, name=_rope(i)) for i, (part, position) in enumerate(places)]
+    return model.attach(*ropes)
+
+
+def _room(model: Model, place: Place, places: Sequence[Place]) -> float:
+    """Return the distance by which a rope may move either way before it meets a step, a place or another rope."""
+    part, position = place
+    others = [0.5 * (float(position) + float(at)) for owner, at in places if owner == part and "end" != at != position]
+    fixed = [*model.steps(part), *model.places(part), 0.0, model.parts(part)[0].length]
+    return SHORTENED * min(abs(float(position) - x) for x in (*fixed, *others))
+
+
+def _at(lengths: Mapping[str, float], share: float) -> Place:
     """Return the part and the place in it at a share of the length of all parts."""
     position = share * sum(lengths.values())
     for part, length in lengths.items():
@@ -427,6 +471,7 @@ MEASUREMENT_CAUSES = (
         parameters=(
             Parameter(name="stiffness", unit="N/m", lower=0.0, upper=1e8, typical=1e4, plausible=(0.0, 1e6)),
             Parameter(name="damping", unit="N s/m", lower=0.0, upper=1e5, typical=1.0, plausible=(0.0, 1e3)),
+            Parameter(name="distance", unit="m", lower=-1.0, upper=1.0, typical=0.0, secondary=True),
         ),
         change=_suspension,
         meaning="the suspension is not soft enough to count as free",
