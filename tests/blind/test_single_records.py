@@ -75,3 +75,25 @@ def answer_on(monkeypatch: pytest.MonkeyPatch, id: str, seed: int, index: int, u
         or not np.array_equal(seen.estimate.frequency_hz, twin.estimate.frequency_hz)
     ]
     return ask(neighbour.seen.case), wrong
+
+
+@pytest.mark.parametrize(
+    "id",
+    [
+        "reversed_polarity",
+        "calibration_gain",
+        "time_delay",
+        *(
+            pytest.param(id, marks=pytest.mark.slow)
+            for id in RECORDS
+            if id not in ("reversed_polarity", "calibration_gain", "time_delay")
+        ),
+    ],
+)
+def test_the_cause_is_found_in_that_record(id: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    answer, wrong = answer_on(monkeypatch, id, SEED, list(RECORDS).index(id))
+    print(f"RECEPTANCE_TEST_SEED={SEED}: {id} in {wrong}: {answer.verdict} {answer.reported} {answer.variants}")
+    assert answer.verdict in ("named", "suspected"), answer.notes
+    assert answer.reported == (id,)
+    (variant,) = answer.variants
+    assert variant.endswith(f"record {wrong}")
