@@ -67,6 +67,8 @@ class Answer:
     candidates: list[tuple[str, float, float]] = field(default_factory=list)
     notes: tuple[str, ...] = ()
     error: str = ""
+    variants: tuple[str, ...] = ()
+    """In which way each reported cause acts."""
 
 
 def _materials(nominal: Nominal) -> dict[str, Material]:
@@ -414,6 +416,7 @@ def answer_from(
         candidates=[(c.id, round(c.evidence, 2), round(c.misfit, 4)) for c in verdict.candidates[:6]],
         notes=tuple(verdict.notes),
         error=error,
+        variants=tuple(c.variant for c in verdict.causes),
     )
 
 

@@ -221,7 +221,7 @@ def test_coupling_term_follows_the_clampings_in_the_file(tmp_path: Path) -> None
 
 def test_causes_together_sensors_and_flutes_and_hits(tmp_path: Path) -> None:
     sensed = write_campaign(tmp_path, 'sensor = "accelerometer"')
-    causes = [("sensor_mass", "all"), ("fluted_part", "from the tip"), ("calibration_gain", "short")]
+    causes = [("sensor_mass", "all"), ("fluted_part", "from the tip"), ("calibration_gain", "configuration short")]
     read, verdict = as_if_found(sensed, *causes)
     again = campaign.load(campaign.write_extended(read, verdict, tmp_path / "extended.toml"))
     observed = again.measurements["longest"].assembly

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, PointMass, Segment, Unknown
-from receptance.diagnosis import CATALOGUE, Model, diagnose
+from receptance.diagnosis import Model, diagnose
 from receptance.diagnosis.advice import MENU, Hypothesis, MenuItem, advise
 from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.explanation import Explanation, Selection
@@ -59,11 +59,11 @@ def selection() -> Selection:
     for cause, name in (
         ("sensor_mass", "all"),
         ("hammer_offset", "on tool at 0 mm"),
-        ("fluted_part", "from the tip"),
+        ("tip_diameter", "from the tip"),
     ):
         variant = variant_of(model, cause, name)
         changed = variant.apply(model)
-        starts = [{}, {"sensor_mass.mass": 5e-4, "hammer_offset.distance": 3e-4, "fluted_part.log_diameter": -0.01}]
+        starts = [{}, {"sensor_mass.mass": 5e-4, "hammer_offset.distance": 3e-4, "tip_diameter.log_diameter": 0.01}]
         fit = min((refit(changed, start) for start in starts), key=lambda one: one.chi_square)
         gain = base.chi_square - fit.chi_square
         selection.add(Explanation((variant,), fit, gain, gain - 7.0))
@@ -81,10 +81,10 @@ def hypothesis(selection: Selection, name: str) -> Hypothesis:
 @pytest.mark.parametrize("describe", [Menu.at_the_nose, Menu.longer_overhang])
 def test_expected_gain_equals_that_of_refits(selection: Selection, describe: object) -> None:
     """Growth of chi-square of the wrong explanation with noise, against the expectation without noise."""
-    truth, other = of(selection, "sensor_mass"), of(selection, "fluted_part")
+    truth, other = of(selection, "sensor_mass"), of(selection, "tip_diameter")
     model = selection.base.model
     requested = describe(Menu(model.observations, model.unknowns, model.tolerances)).observation  # type: ignore[operator]
-    hypotheses = (hypothesis(selection, "sensor_mass"), hypothesis(selection, "fluted_part"))
+    hypotheses = (hypothesis(selection, "sensor_mass"), hypothesis(selection, "tip_diameter"))
     expected = MenuItem("", 1.0, describe=describe).discriminate(*hypotheses)  # type: ignore[arg-type]
     # The sensor is at the response, with the fitted mass.
     at = requested.response
@@ -121,7 +121,7 @@ def test_explanation_is_not_refuted_by_its_data(selection: Selection) -> None:
 
 
 def test_weights_and_marked_places(selection: Selection) -> None:
-    sensor, offset, flutes = (hypothesis(selection, name) for name in ("sensor_mass", "hammer_offset", "fluted_part"))
+    sensor, offset, flutes = (hypothesis(selection, name) for name in ("sensor_mass", "hammer_offset", "tip_diameter"))
     mass, _ = sensor.sizes["sensor_mass.mass"]
     weighed = MenuItem("", 1.0, {"sensor_mass.mass": 2e-5})
     assert weighed.discriminate(sensor, offset) == pytest.approx((mass / 2e-5) ** 2)
@@ -163,8 +163,12 @@ def test_indistinguishable_losses_are_listed(selection: Selection) -> None:
     """A window or a rope of that size costs little in a further record, and can be measured by itself."""
     model = selection.base.model
     close = []
-    for name in ("joint_hysteretic_loss", "exponential_window", "suspension"):
-        variant = CATALOGUE[name].variants(model)[-1 if name == "suspension" else 0]
+    for cause, name in (
+        ("joint_hysteretic_loss", "all stiffnesses"),
+        ("exponential_window", "on accelerations"),
+        ("suspension", "at 100 % of the holder, with a loss"),
+    ):
+        variant = variant_of(model, cause, name)
         start = {"suspension.stiffness": 2e4, "suspension.damping": 20.0, "exponential_window.decay_rate": 2.0}
         fit = evaluate(variant.apply(model), selection.base.values)
         values = {**fit.values, **{key: value for key, value in start.items() if key in fit.values}}

@@ -91,7 +91,10 @@ def test_variants_have_different_names() -> None:
 
 def test_a_parameter_keeps_its_declaration_through_other_causes() -> None:
     """Flutes divide the tool and renumber unknowns; a sensor before them is still found."""
-    variants = (variant_of(MODEL, "sensor_mass", "50 mm"), variant_of(MODEL, "fluted_part", "from the tip"))
+    variants = (
+        variant_of(MODEL, "sensor_mass", "configuration 50 mm"),
+        variant_of(MODEL, "fluted_part", "from the tip"),
+    )
     model = extend(MODEL, variants)
     fit: Any = SimpleNamespace(model=model, values={u.name: 0.1 for u in model.unknowns})
     found = Explanation(variants, fit, 0.0, 0.0)

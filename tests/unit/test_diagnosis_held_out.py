@@ -285,7 +285,7 @@ def test_a_cause_that_predicts_better_or_acts_in_one_configuration_is_named(wher
         data, JOINT, tolerances=tolerances, causes=["calibration_gain", "sensor_mass"], max_causes=1, held_out=True
     )
     assert (verdict.verdict, [one.id for one in verdict.causes]) == ("named", ["calibration_gain"])
-    assert verdict.causes[0].variant == ("all" if where is None else data[where].label)
+    assert verdict.causes[0].variant == ("all" if where is None else f"configuration {data[where].label}")
     assert verdict.explanation is not None
     assert verdict.gain is not None
     # Had the prediction become worse, or had no fold the cause:

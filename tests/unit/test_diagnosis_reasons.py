@@ -79,7 +79,7 @@ def test_every_code_has_a_sentence() -> None:
     """A code without one would end a diagnosis where it is shown."""
     folder = Path(next(iter(diagnosis.__path__)))
     sources = [*folder.glob("*.py"), folder.parent / "campaign" / "diagnosis.py"]
-    given = re.compile(r'(?:Reason\(|doubt\(|\bcode(?:, \w+(?:\["\w+"\])?)? = )"(\w+)"')
+    given = re.compile(r'(?:Reason\(\s*|doubt\(|\bcode(?:, \w+(?:\["\w+"\])?)? = )"(\w+)"')
     used = {code for source in sources for code in given.findall(source.read_text(encoding="utf-8"))}
     assert used | {DATA_HOLDER, TABLE} == SENTENCES.keys()
 

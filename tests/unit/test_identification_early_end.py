@@ -10,7 +10,7 @@ import pytest
 import scipy_fits
 from receptance import CARBIDE, STEEL, Assembly, Observation, Part, PointJoint, Segment, Unknown
 from receptance.diagnosis import CATALOGUE, Model, diagnose
-from receptance.diagnosis.truncation import truncation_time
+from receptance.diagnosis.truncation import ALL_RECORDS, record_ends
 from receptance.fit import Tolerance
 from receptance.fit.observation import altered
 from receptance.fit.parameters import END, Parameters
@@ -120,7 +120,7 @@ def test_residuals_of_truncated_records_are_those_of_the_plain_sum(lines: np.nda
 
 
 def test_early_end_is_detected_and_named(records: list[Observation]) -> None:
-    end = truncation_time(records)
+    end = record_ends(records)[ALL_RECORDS]
     print(f"{1e3 * (end - END_AT):+.3f} ms")
     # A start that is late may end in another optimum.
     assert -4e-4 < end - END_AT <= 0.0
@@ -140,19 +140,19 @@ def test_early_end_is_kept_where_lines_are_left_out(records: list[Observation]) 
     """A third of the lines does not show it."""
     model = Model(tuple(records), tuple(JOINT), threads=1).with_witnesses()
     few = replace(model, observations=tuple(one.select(np.arange(0, LINES.size, 3)) for one in records))
-    assert truncation_time(few.receptances) is None
-    assert few.truncation == model.truncation == truncation_time(records)
-    assert [one.name for one in CATALOGUE["coarse_resolution"].variants(few)] == ["records end too early"]
+    assert ALL_RECORDS not in record_ends(few.receptances)
+    assert few.ends == model.ends == record_ends(records)
+    assert CATALOGUE["coarse_resolution"].variants(few)[0].name == "records end too early"
 
 
 def test_stepped_sines_have_no_early_end(records: list[Observation]) -> None:
     stepped = [altered(one, ends=None, force=np.ones(LINES.size), label="stepped") for one in records[:1]]
-    assert truncation_time(stepped) is None
+    assert not record_ends(stepped)
     for lines in (1, 10):
         narrow = stepped[0].select(np.arange(LINES.size) < lines)
-        assert truncation_time([*records, narrow]) == truncation_time(records)
+        assert record_ends([*records, narrow])[ALL_RECORDS] == record_ends(records)[ALL_RECORDS]
     model = Model((*records[1:], *stepped), tuple(JOINT), threads=1).with_witnesses()
-    ((_, extended),) = CATALOGUE["coarse_resolution"].extensions(model)
+    (_, extended), *_ = CATALOGUE["coarse_resolution"].extensions(model)
     assert [one.ends is None for one in extended.receptances] == [False] * (len(records) - 1) + [True]
 
 
@@ -161,7 +161,7 @@ def test_decayed_response_has_no_early_end() -> None:
     one = Observation(
         assembly=make_assembly(0.09), frequency_hz=lines, receptance=make_assembly(0.09).receptance(lines)
     )
-    assert truncation_time([one]) is None
+    assert not record_ends([one])
 
 
 def test_invalid_ends_are_errors() -> None:

@@ -292,6 +292,7 @@ class Builder:
         fields: dict[str, Any] = {"address": address, "lower": lower, "upper": upper, "start": start}
         fields |= {"scale": table.scale, "name": table.name}
         fields["configurations"] = None if table.assemblies is None else tuple(table.assemblies)
+        fields["labels"] = None if table.measurements is None else tuple(table.measurements)
         if (prior := table.prior) is not None:
             logarithmic = table.scale == "log" or (table.scale is None and lower > 0.0 and not table.moves)
             quantity = PLAIN_NUMBER if plain else kind_of(address)

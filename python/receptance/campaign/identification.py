@@ -269,7 +269,7 @@ def observed_unknowns(campaign: CampaignData, seen: Mapping[str, Observation]) -
     places = [measured.site(index) for index, measured in enumerate(seen.values())]
     kept, notes = [], []
     for unknown in campaign.unknowns:
-        reached = [place for place in places if place.among(unknown.configurations)]
+        reached = [place for place in places if place.among(unknown.configurations, unknown.labels)]
         if any(place.covered(address) for place in reached for address in unknown.addresses):
             kept.append(unknown)
         else:

@@ -490,6 +490,9 @@ class UnknownTable(KeyTable):
     prior = PriorTable.keys("prior; the measurements then need standard deviations").default(None)
     name = text("name in results; by default its address").default("")
     assemblies = ListOf("assemblies that have the unknown; by default all", name_in("", "assemblies")).default(None)
+    measurements = ListOf("measurements that have the unknown; by default all", name_in("", "measurements")).default(
+        None
+    )
     multiple = Real(
         "the parameter is this multiple of the unknown, whose bounds and start are then plain numbers in SI units"
     ).default(None)

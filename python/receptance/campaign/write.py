@@ -122,6 +122,8 @@ def _unknown_table(unknown: Unknown, start: float) -> dict[str, Any]:
         table["prior"] = {"value": kind.text(prior.mean), "spread": spread}
     if unknown.configurations is not None:
         table["assemblies"] = list(unknown.configurations)
+    if unknown.labels is not None:
+        table["measurements"] = list(unknown.labels)
     if isinstance(unknown, Move):
         table |= {"moves": dict(unknown.moves), "relative": unknown.relative}
         return {**table, **({"power_of": unknown.of, "reference": unknown.reference} if unknown.of else {})}
@@ -215,15 +217,9 @@ def _extended(campaign: CampaignData, verdict: Verdict, folder: Path) -> dict[st
     described = [name for name in campaign.assemblies if name not in campaign.blanks]
     assemblies = {name: _of_assembly(campaign, base, explanation, name) for name in described}
     _write_structure(data, campaign, assemblies, {a for u in explanation.fit.model.unknowns for a in addresses_of(u)})
-    # The end of truncated records, if a cause has identified it from all of them together.
-    before = {name: observation.ends for name, observation in campaign.measurements.items()}
-    ends = (one.ends for one in explanation.fit.model.receptances if one.ends != before[one.label])
-    end = max((end for end in ends if end is not None), default=None)
     seen = {observation.label for observation in base.observations}
     for name, measurement in measured.items():
         _write_measurement(data, name, measurement, name in seen)
-        if end is not None and measurement.given.is_receptance and measurement.given.force is None:
-            data["measurements"][name]["ends"] = units.TIME.text(end)
     for name in parts_to_start(campaign):
         _write_modes(data, name, explanation.fit)
     _write_unknowns(data, base, explanation)
@@ -358,6 +354,8 @@ def _write_measurement(data: dict[str, Any], name: str, one: _Extended, seen: bo
     given, found = one.given, one.found
     if not given.is_receptance or not found.is_receptance:
         return
+    if found.ends is not None and found.ends != given.ends:
+        table["ends"] = units.TIME.text(found.ends)
     for side in ("response", "excitation"):
         old, new = getattr(given, side), getattr(found, side)
         if (old.part, old.position) != (new.part, new.position):
@@ -447,7 +445,8 @@ def _write_unknowns(data: dict[str, Any], base: Model, explanation: Explanation)
         elif raw is not None and isinstance(unknown, Law) and old is not None and not unknown.tied:
             tables[key] = {**_restarted(raw, unknown, values), "name": unknown.name}
         else:
-            if isinstance(unknown, Move) and unknown.name in of_measurement and unknown.configurations is None:
+            everywhere = unknown.configurations is None and unknown.labels is None
+            if isinstance(unknown, Move) and unknown.name in of_measurement and everywhere:
                 # What belongs to the measurement does not act in assemblies that are only predicted.
                 unknown = replace(unknown, configurations=tuple(measured))
             owner, _, field = unknown.address.rpartition(".")
@@ -457,27 +456,27 @@ def _write_unknowns(data: dict[str, Any], base: Model, explanation: Explanation)
                 unknown = replace(unknown, name=unknown.name, also={**unknown.also, **copies})
             tables[key] = _unknown_table(unknown, values[unknown.name])
             for address in (key, *copies):
-                _write_found(data, address, tables[key].get("start"), unknown.configurations)
+                _write_found(data, address, tables[key].get("start"), unknown)
     # Unknowns that no measurement depends on remain unchanged.
     data["unknowns"] = {**written, **tables}
 
 
-def _write_found(data: dict[str, Any], address: str, value: Any, acts_in: Iterable[str] | None) -> None:
+def _write_found(data: dict[str, Any], address: str, value: Any, unknown: Unknown) -> None:
     """Write the value of a new unknown into the table of the sensor or attachment that a cause has added.
 
     The table has the value wherever the unknown does not act, so assemblies and measurements without it lose the
     attachment, which was there without effect.
     """
     name, _, key = address.rpartition(".")
+    configurations, labels = unknown.configurations, unknown.labels
     for section in _OTHER:
         if name.startswith("cause_") and key in data.get(section, {}).get(name, {}):
             data[section][name][key] = value
-            if acts_in is None:
-                continue
             for title, table in data["assemblies"].items():
-                _detach(table, name, title in acts_in)
-            for table in data["measurements"].values():
-                _detach(table, name, table["assembly"] in acts_in)
+                _detach(table, name, labels is None and (configurations is None or title in configurations))
+            for title, table in data["measurements"].items():
+                acts = configurations is None or table["assembly"] in configurations
+                _detach(table, name, acts and (labels is None or title in labels))
 
 
 def _detach(table: dict[str, Any], name: str, kept: bool) -> None:

@@ -20,9 +20,8 @@ from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.held_out import predictor_of
 from receptance.diagnosis.judgement import Judgement
-from receptance.diagnosis.line_selection import thin
 from receptance.diagnosis.model import Model, named, with_points
-from receptance.diagnosis.thresholds import MARGIN, QUANTITY_SHOWN, SIMULATION_LINES
+from receptance.diagnosis.thresholds import MARGIN, QUANTITY_SHOWN
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation, altered
 from receptance.fit.predictor import Predictor
@@ -72,7 +71,7 @@ class Hypothesis:
     @cached_property
     def fitted(self) -> tuple[Observation, ...]:
         """The data of the diagnosis, on few lines of each receptance."""
-        return thin(self.explanation.fit.model, SIMULATION_LINES).observations
+        return self.explanation.fit.model.on_few_lines
 
     @cached_property
     def end(self) -> End:
@@ -119,7 +118,7 @@ class Hypothesis:
             observation = altered(observation, assembly=self._with_added_points(observation.assembly))
         observation = observation.with_values(np.ones(observation.frequency_hz.size) if data is None else data)
         measured = replace(self.base, observations=(observation,), tolerances=candidate.tolerances)
-        return transfer(measured if data is None else thin(measured, SIMULATION_LINES), variants)
+        return transfer(measured if data is None else measured.thinned, variants)
 
     def _with_added_points(self, holder: Assembly) -> Assembly:
         """Return the holder alone with what causes have attached to it.

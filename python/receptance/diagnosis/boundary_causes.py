@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from receptance.diagnosis.causes import Cause, Parameter, Variant
+from receptance.diagnosis.causes import Cause, CauseUnknown, Parameter, Variant
 from receptance.diagnosis.model import (
     SPRING_TERMS,
     Model,
@@ -253,11 +253,15 @@ def _distribute(p: Mapping[str, Parameter], uneven: Iterable[str], model: Model,
 
 
 def _identified_springs(model: Model) -> list[GroundSpring]:
-    """Return the springs to ground that are identified, on one part and at the same places in all assemblies."""
+    """Return the springs to ground that are identified, on one part and at the same places in all assemblies.
+
+    Springs that a cause has added are none of the model.
+    """
     found: dict[str, GroundSpring] = {}
+    stated = replace(model, unknowns=tuple(u for u in model.unknowns if not isinstance(u, CauseUnknown)))
     for one in model.observations:
         for name, point in one.assembly.attachments.items():
-            if isinstance(point, GroundSpring) and any(model.has(f"{name}.{field}") for field in _STIFFNESSES):
+            if isinstance(point, GroundSpring) and any(stated.has(f"{name}.{field}") for field in _STIFFNESSES):
                 spring = replace(point, name=name, part=point.part or next(iter(one.assembly.elements)))
                 place = (spring.part, spring.position, spring.length, spring.weights)
                 own = found.setdefault(name, spring)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
@@ -203,9 +203,9 @@ class Variant:
     far: bool = False
     """Whether it differs from the model without it even where its parameters are null, so that the joint has to change
     first."""
-    scan: Mapping[str, Sequence[float]] = field(default_factory=dict)
-    """Values of a parameter at which chi-square has many local minima, by the name of its unknown. A fit starts at the
-    best of them."""
+    begin: Callable[[Model, Mapping[str, float]], dict[str, float]] | None = field(default=None, repr=False)
+    """Returns values of its parameters, by the names of their unknowns, at which a fit starts in place of null. It gets
+    the model with the variant and the values of the other unknowns. It is needed where chi-square has many minima."""
     meaning: str = ""
     """What it is; by default the meaning of the cause."""
     remedy: str = ""

@@ -11,6 +11,7 @@ from receptance.diagnosis.advice import ProposedMeasurement, advise
 from receptance.diagnosis.beside_discrepancy import select_beside
 from receptance.diagnosis.catalogue import resolve_causes
 from receptance.diagnosis.causes import Cause, extend
+from receptance.diagnosis.contradictions import contradictions
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import DiscrepancyFit, fit_discrepancy, refit, sufficient
 from receptance.diagnosis.held_out import (
@@ -32,11 +33,11 @@ from receptance.diagnosis.search import select
 from receptance.diagnosis.table_noise import with_table_noise
 from receptance.diagnosis.text import Reason
 from receptance.diagnosis.thresholds import BEYOND_NOISE, EXPLORING_LINES
-from receptance.diagnosis.truncation import truncation_time
+from receptance.diagnosis.truncation import record_ends
 from receptance.diagnosis.unknown_spindle import ChooseModes
 from receptance.diagnosis.verdict import Verdict
 from receptance.errors import ReceptanceError
-from receptance.fit.observation import Observation
+from receptance.fit.observation import Observation, altered
 from receptance.fit.problem import one_blas_thread
 from receptance.fit.unknowns import Tolerance, Unknowns, as_unknowns
 
@@ -149,7 +150,7 @@ def diagnose(
                 outcome.selection.base.model,
                 observations=held_out.observations,
                 # Held-out records may end at another time, or not at all.
-                truncation=truncation_time(held_out.receptances),
+                ends=record_ends(held_out.receptances),
                 tolerances=held_out.tolerances,
             )
             try:
@@ -175,7 +176,7 @@ def diagnose(
         discrepancy_fit=outcome.discrepancy_fit,
         improvement=improvement,
         next_measurement=outcome.next_measurement,
-        data_reasons=(*table_reasons, *line_reasons),
+        data_reasons=(*contradictions(model.observations), *table_reasons, *line_reasons),
         settings=_settings(outcome.selection, max_causes, interrupted),
         held_out=held_out if isinstance(held_out, Model) else None,
         interrupted=interrupted,
@@ -222,7 +223,10 @@ def _check_observations(observations: Observation | Sequence[Observation]) -> tu
                 f"{observation!r} has no standard deviation, which the diagnosis needs to judge the residuals; "
                 f"{observation.noise.unused_coherence or remedy}"
             )
-    return checked
+    # Causes of single records need their names.
+    return tuple(
+        altered(each, configuration=each.site(i).configuration, label=each.title(i)) for i, each in enumerate(checked)
+    )
 
 
 def _with_discrepancy(

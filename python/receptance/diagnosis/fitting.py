@@ -14,7 +14,6 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance.diagnosis.line_selection import on_few_lines, thin
 from receptance.diagnosis.model import Model, UndecidableError
 from receptance.diagnosis.thresholds import (
     AT_BOUND,
@@ -144,7 +143,7 @@ class Fit:
 
         The lines of truncated records have ripples, which blocks would hide.
         """
-        if self.model.truncation is not None or not np.isfinite(self.residual).all():
+        if self.model.ends or not np.isfinite(self.residual).all():
             return None
         return Compression.about(self.model.observations, self.parts, self.model.configuration_of, BLOCKS)
 
@@ -217,7 +216,7 @@ def fit_base(model: Model, *, continuations: int = CONTINUED_BASE) -> Fit:
 
     The fit on all lines is continued at most so many times, while it is neither converged nor adequate.
     """
-    task = thin(model).task
+    task = model.thinned.task
     problem = task.problem()
     # Not `identify`: it enlarges the noise where data contradict the model, which would hide the misfit.
     if model.unknown_modes:
@@ -403,29 +402,14 @@ class Exploration:
 def explore(root: Fit, model: Model, starts: Sequence[Mapping[str, float]], *, far: bool = False) -> Exploration:
     """Return the ends of short fits to the data, compressed about `root`, from starts, each as in `refit`.
 
-    From `far` away the errors of tolerances are fitted last, because they would go to their bounds.
+    Data that are not compressed are fitted on few lines. From `far` away the errors of tolerances are fitted last,
+    because they would go to their bounds.
     """
-    problem = model.task.problem(root.compress(model.observations))
+    compression = root.compression
+    data = model.on_few_lines if compression is None else compression.of(model.observations)
+    problem = model.task.problem(data)
     ends = sorted(_short_fits(model, problem, starts, far=far), key=lambda end: end.cost)
     return Exploration(model, problem, tuple(ends), problem.evaluations)
-
-
-def best_start(model: Model, values: Mapping[str, float], name: str, grid: Sequence[float]) -> float:
-    """Return the value of an unknown among those of a grid with the smallest chi-square on few lines.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    values : mapping of str to float
-        Values of the other unknowns, as in `refit`.
-    name : str
-        Name of the unknown.
-    grid : sequence of float
-        Values that are compared.
-    """
-    problem = _problem_on_few_lines(model)
-    return min(grid, key=lambda value: problem.cost(model.task.variables.vector_of({**values, name: value})))
 
 
 def _short_fits(
@@ -440,4 +424,4 @@ def _short_fits(
 
 
 def _problem_on_few_lines(model: Model) -> Problem:
-    return model.task.problem(on_few_lines(model))
+    return model.task.problem(model.on_few_lines)

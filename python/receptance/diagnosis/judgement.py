@@ -210,7 +210,8 @@ def _doubts(selection: Selection, explanation: Explanation, limit: float) -> Ite
 
 def is_of_one(one: Explanation) -> bool:
     """Return whether a cause is declared for some configurations or records."""
-    return any(u.configurations is not None for u in one.fit.model.unknowns if u.name in one.parameters)
+    causes = [unknown for unknown in one.fit.model.unknowns if unknown.name in one.parameters]
+    return any(unknown.configurations is not None or unknown.labels is not None for unknown in causes)
 
 
 def only_improved(base: Fit, one: Explanation) -> str | None:

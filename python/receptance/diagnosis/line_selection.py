@@ -8,8 +8,7 @@ import numpy as np
 
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.text import Reason
-from receptance.diagnosis.thresholds import EXPLORING_LINES
-from receptance.fit.line_selection import FEWEST_LINES, informative_lines, usable_lines
+from receptance.fit.line_selection import FEWEST_LINES, usable_lines
 from receptance.fit.observation import Observation
 
 
@@ -44,20 +43,3 @@ def select_lines(model: Model) -> tuple[Model, tuple[Reason, ...]]:
         if not kept:
             raise ValueError(str(reasons[-1]))
     return (model.select(tuple(kept)) if dropped else replace(model, observations=tuple(kept))), tuple(reasons)
-
-
-def on_few_lines(model: Model, lines: int = EXPLORING_LINES) -> tuple[Observation, ...]:
-    """Return the observations on the most informative lines of each receptance."""
-    # Models that differ in their unknowns share them.
-    while model.shorter is not None and model.shorter.observations is model.observations:
-        model = model.shorter
-    if lines not in model.on_few_lines:
-        chosen = informative_lines(model.observations, model.configuration_of, lines)
-        pairs = zip(model.observations, chosen, strict=True)
-        model.on_few_lines[lines] = tuple(one.select(own) for one, own in pairs)
-    return model.on_few_lines[lines]
-
-
-def thin(model: Model, lines: int = EXPLORING_LINES) -> Model:
-    """Return the model with the most informative lines of each receptance."""
-    return replace(model, observations=on_few_lines(model, lines))

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import combinations, product
 from typing import Literal
 
 import numpy as np
 
 from receptance._text import join_names
 from receptance.diagnosis.causes import Cause, Parameter, Variant
+from receptance.diagnosis.end_of_records import best_end
 from receptance.diagnosis.model import (
     IndescribableError,
     Model,
@@ -21,18 +23,20 @@ from receptance.diagnosis.model import (
     require_no_table,
     with_points,
 )
+from receptance.diagnosis.scopes import Scope, scopes_of
 from receptance.diagnosis.thresholds import (
     HIT_BOUND,
     HIT_STEP,
     LARGE_SIZE,
     SAME_PLACE,
-    SCANNED_ENDS,
     SENSOR_SHARE,
+    SHORTENED,
     SUSPENSION_PLACES,
 )
+from receptance.diagnosis.truncation import ALL_RECORDS
 from receptance.fit.observation import Observation, altered
 from receptance.fit.parameters import DECAY_RATES, DELAY, END, LOG_GAIN
-from receptance.model.addresses import QUANTITIES
+from receptance.model.addresses import QUANTITIES, edges_of
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring, PointMass
 from receptance.report.table import amount
@@ -42,6 +46,8 @@ _NOT_COMPLEX = "which has no values at the complex frequencies of a window: desc
 _TIMES = {1: "once", 2: "twice"}
 _EARLIEST, _LATEST = 0.8, 1.1
 """Bounds of the end of truncated records, as multiples of the end that the lines show."""
+Place = tuple[str, float | Literal["end"]]
+"""A part and a position on it, in m from its start."""
 _RECORDED = ("displacements", "velocities", "accelerations")
 """Quantities of a record in the order of time derivatives."""
 _POWERS = {
@@ -61,32 +67,25 @@ def _require_receptances(model: Model) -> None:
         raise UndecidableError("natural frequencies alone do not show it; measure FRFs")
 
 
-def _each(model: Model) -> tuple[str | None, ...]:
-    """Return None for all configurations together, then each one that has FRFs: only these have a measuring chain."""
-    pairs = zip(model.configuration_of, model.observations, strict=True)
-    names = dict.fromkeys(name for name, observation in pairs if observation.is_receptance)
-    return (None, *names) if len(names) > 1 else (None,)
-
-
 def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     stated = join_names(sorted({amount(size, "kg") for one in model.observations if (size := _mass_at_response(one))}))
-    for name in _each(model):
+    for scope in scopes_of(model):
         yield Variant(
-            name or "all",
-            partial(_add_sensor, p["mass"], name),
+            scope.name,
+            partial(_add_sensor, p["mass"], scope),
             meaning=f"the mass at the sensor exceeds the stated {stated} by this size" if stated else "",
             remedy=f"correct the stated {stated}: weigh the sensor with its adapter, wax and cable" if stated else "",
         )
 
 
-def _add_sensor(mass: Parameter, configuration: str | None, model: Model) -> Model:
-    """Return the model with the mass of a sensor in one configuration or in all."""
+def _add_sensor(mass: Parameter, scope: Scope, model: Model) -> Model:
+    """Return the model with the mass of a sensor on the structure during some records or all."""
     # A large structure carries a large sensor.
     tools = {anatomy.tool for anatomy in model.anatomies}
     heaviest = max(sum(model.parts(name)[0].mass for name in tool) for tool in tools)
     largest = max(SENSOR_SHARE * heaviest, mass.plausible[1])
     mass = replace(mass, plausible=(0.0, largest), upper=max(mass.upper, LARGE_SIZE * largest))
-    return model.with_change(_with_sensors).plus(mass.unknown("cause_sensor.mass", configurations=configuration))
+    return model.with_change(_with_sensors).plus(mass.unknown("cause_sensor.mass", **scope.limits(model)))
 
 
 def _with_sensors(model: Model) -> Model:
@@ -118,8 +117,14 @@ def _offset(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         sides = {name: 0.0 if position else HIT_STEP}
         if position and any(abs(other - position) < SAME_PLACE for other in _fixed_places(model, place)):
             sides = {f"{name}, nearer to the tip": -HIT_STEP, f"{name}, farther from the tip": HIT_STEP}
-        for side, step in sides.items():
-            yield Variant(side, partial(_move_hits, p["distance"], place, step))
+        for scope in scopes_of(model, partial(_is_hit_at, place)):
+            for side, step in sides.items():
+                yield Variant(_within(side, scope), partial(_move_hits, p["distance"], scope, place, step))
+
+
+def _within(name: str, scope: Scope) -> str:
+    """Return the name of a way of acting in some records; that of all records is not mentioned."""
+    return name if scope == Scope() else f"{name}, {scope.name}"
 
 
 def _place_of_hit(observation: Observation) -> tuple[str, float | Literal["end"]] | None:
@@ -129,6 +134,10 @@ def _place_of_hit(observation: Observation) -> tuple[str, float | Literal["end"]
     return observation.excitation.part or next(iter(observation.assembly.elements)), observation.excitation.position
 
 
+def _is_hit_at(place: tuple[str, float], observation: Observation) -> bool:
+    return _place_of_hit(observation) == place
+
+
 def _fixed_places(model: Model, place: tuple[str, float]) -> list[float]:
     """Return the places on a part, in m, that keep their place when the hits at one place move."""
     others = model.map(partial(_without_hit, place))
@@ -136,10 +145,10 @@ def _fixed_places(model: Model, place: tuple[str, float]) -> list[float]:
 
 
 def _without_hit(place: tuple[str, float], observation: Observation) -> Observation:
-    return altered(observation, excitation=observation.response) if _place_of_hit(observation) == place else observation
+    return altered(observation, excitation=observation.response) if _is_hit_at(place, observation) else observation
 
 
-def _move_hits(distance: Parameter, place: tuple[str, float], side: float, model: Model) -> Model:
+def _move_hits(distance: Parameter, scope: Scope, place: tuple[str, float], side: float, model: Model) -> Model:
     """Return the model with the hits at one place moved along the part; everything else keeps its place.
 
     The hits are placed on a step between two segments of one section, which the parameter moves. The step may not pass
@@ -154,27 +163,33 @@ def _move_hits(distance: Parameter, place: tuple[str, float], side: float, model
     upper = 0.0 if side < 0.0 else min(distance.upper, above - at - HIT_STEP)
     if lower >= upper:
         raise IndescribableError(f"the hits on {part} at {1e3 * place[1]:g} mm have no room to be moved")
-    divided, index = model.split(part, at)
+    on_step = model.with_change(_with_hits_on_step, place, at)
+    index = int(np.argmin(np.abs(np.subtract(edges_of(on_step.parts(part)[0]), at))))
     lengths = {f"{part}.segment[{index - 1}].length": 1.0, f"{part}.segment[{index}].length": -1.0}
-    return divided.map(partial(_hit_at, place, at)).plus(distance.move(lengths, lower=lower, upper=upper))
+    return on_step.plus(distance.move(lengths, lower=lower, upper=upper, **scope.limits(model)))
 
 
-def _hit_at(place: tuple[str, float], at: float, observation: Observation) -> Observation:
-    if _place_of_hit(observation) != place:
-        return observation
-    return altered(observation, excitation=replace(observation.excitation, part=place[0], position=at))
+def _with_hits_on_step(model: Model, place: tuple[str, float], at: float) -> Model:
+    """Return the model with a step at a position, and with the hits at a place on it."""
+
+    def move(observation: Observation) -> Observation:
+        if not _is_hit_at(place, observation):
+            return observation
+        return altered(observation, excitation=replace(observation.excitation, part=place[0], position=at))
+
+    return model.split(place[0], at)[0].map(move)
 
 
 def _chain(address: str, p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    """Yield a parameter of the measuring chain for all configurations, and for each one."""
+    """Yield a parameter of the measuring chain in each scope."""
     _require_receptances(model)
     (parameter,) = p.values()
-    for name in _each(model):
-        yield Variant(name or "all", partial(_add_unknown, parameter, address, name))
+    for scope in scopes_of(model):
+        yield Variant(scope.name, partial(_add_unknown, parameter, address, scope))
 
 
-def _add_unknown(parameter: Parameter, address: str, configuration: str | None, model: Model) -> Model:
-    return model.plus(parameter.unknown(address, configurations=configuration))
+def _add_unknown(parameter: Parameter, address: str, scope: Scope, model: Model) -> Model:
+    return model.plus(parameter.unknown(address, **scope.limits(model)))
 
 
 def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -187,13 +202,21 @@ def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     """
     require_no_table(model, "whose frequencies may have the same error")
     if not model.receptances:
-        yield Variant("in natural frequencies", partial(_scale_time, p["log_scale"], 2.0))
+        yield Variant("in natural frequencies", partial(_scale_time, p["log_scale"], 2.0, Scope()))
         return
-    for number, recorded in enumerate(_RECORDED):
-        yield Variant(f"in {recorded}", partial(_scale_time, p["log_scale"], 2.0 - number))
+    for scope, number in _by_recorded(model):
+        name = _within(f"in {_RECORDED[number]}", scope)
+        yield Variant(name, partial(_scale_time, p["log_scale"], 2.0 - number, scope))
 
 
-def _scale_time(scale: Parameter, mass: float, model: Model) -> Model:
+def _by_recorded(model: Model) -> Iterator[tuple[Scope, int]]:
+    """Yield scopes and indices of the recorded quantity: that of some records makes little difference."""
+    for scope in scopes_of(model):
+        for number in range(len(_RECORDED)) if scope == Scope() else (len(_RECORDED) - 1,):
+            yield scope, number
+
+
+def _scale_time(scale: Parameter, mass: float, scope: Scope, model: Model) -> Model:
     """Return the model in another unit of time, with a unit of mass that changes by a power of it."""
     addresses = dict.fromkeys(
         re.sub(r"segment\[\d+\]", "segment[*]", address)
@@ -202,28 +225,30 @@ def _scale_time(scale: Parameter, mass: float, model: Model) -> Model:
     )
     powers = {address: _POWERS[QUANTITIES[address.rpartition(".")[2]].unit] for address in addresses}
     moves = {address: of_time + mass * of_mass for address, (of_mass, of_time) in powers.items()}
-    return model.plus(scale.move({address: n for address, n in moves.items() if n}, relative=True))
+    moves = {address: n for address, n in moves.items() if n}
+    return model.plus(scale.move(moves, relative=True, **scope.limits(model)))
 
 
 def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
     require_no_table(model, f"{_NOT_COMPLEX}, or repeat one measurement without a window")
-    recorded = _RECORDED[::-1]
-    for name, address in zip(recorded, DECAY_RATES, strict=True):
-        yield Variant(f"on {name}", partial(_add_unknown, p["decay_rate"], address, None))
-    # For a single configuration the kind of the record makes little difference.
-    for place in _each(model)[1:]:
-        change = partial(_add_unknown, p["decay_rate"], next(iter(DECAY_RATES)), place)
-        yield Variant(f"on {recorded[0]}, {place}", change)
+    addresses = {integrations: address for address, integrations in DECAY_RATES.items()}
+    for scope, number in _by_recorded(model):
+        name = _within(f"on {_RECORDED[number]}", scope)
+        yield Variant(name, partial(_add_unknown, p["decay_rate"], addresses[number], scope))
 
 
 def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     what = "holder" if model.joints else "structure"
     for share in SUSPENSION_PLACES:
         name = f"at {100 * share:.0f} % of the {what}"
-        yield Variant(name, partial(_hang, share, p["stiffness"]))
+        yield Variant(name, partial(_hang, (share,), p["stiffness"]))
         # Without the damping of a rope another cause would explain its loss.
-        yield Variant(f"{name}, with a loss", partial(_hang, share, p["stiffness"], damping=p["damping"]))
+        yield Variant(f"{name}, with a loss", partial(_hang, (share,), p["stiffness"], damping=p["damping"]))
+    # The ends of a part are no places from which a rope can move.
+    for pair in combinations(SUSPENSION_PLACES[1:-1], 2):
+        name = f"near {100 * pair[0]:.0f} % and {100 * pair[1]:.0f} % of the {what}, with a loss"
+        yield Variant(name, partial(_hang, pair, p["stiffness"], damping=p["damping"], distance=p["distance"]))
 
 
 def _hanging(model: Model) -> dict[str, float]:
@@ -237,15 +262,52 @@ def _hanging(model: Model) -> dict[str, float]:
     return {name: model.parts(name)[0].length for name in hanging.pop()}
 
 
-def _hang(share: float, stiffness: Parameter, model: Model, damping: Parameter | None = None) -> Model:
-    """Return the model on a rope at a share of the length of the parts that hang."""
-    part, position = _at(_hanging(model), share)
-    spring = GroundSpring(part=part, position=position, name="cause_rope")
-    hung = model.with_change(Model.attach, spring).plus(stiffness.unknown("cause_rope.k_y"))
-    return hung if damping is None else hung.plus(damping.unknown("cause_rope.c_y"))
+def _hang(
+    shares: Sequence[float],
+    stiffness: Parameter,
+    model: Model,
+    damping: Parameter | None = None,
+    distance: Parameter | None = None,
+) -> Model:
+    """Return the model on ropes near shares of the length of the parts that hang; they have one damping."""
+    places = tuple(_at(_hanging(model), share) for share in shares)
+    hung = model.with_change(_with_ropes, places)
+    for i, place in enumerate(places):
+        part = f"of rope {i + 1}" if len(places) > 1 else ""
+        hung = hung.plus(stiffness.unknown(f"{_rope(i)}.k_y", part=part))
+        room = _room(model, place, places) if distance is not None and place[1] != "end" else 0.0
+        if distance is not None and room > 0.0:
+            # The place is a step between two segments of one section, which the parameter moves.
+            index = int(np.argmin(np.abs(np.subtract(edges_of(hung.parts(place[0])[0]), float(place[1])))))
+            lengths = {f"{place[0]}.segment[{index - 1}].length": 1.0, f"{place[0]}.segment[{index}].length": -1.0}
+            hung = hung.plus(distance.move(lengths, part=part, lower=-room, upper=room))
+    if damping is None:
+        return hung
+    return hung.plus(damping.unknown(f"{_rope(0)}.c_y", also={f"{_rope(i)}.c_y": 1.0 for i in range(1, len(places))}))
 
 
-def _at(lengths: Mapping[str, float], share: float) -> tuple[str, float | Literal["end"]]:
+def _rope(number: int) -> str:
+    return f"cause_rope_{number + 1}" if number else "cause_rope"
+
+
+def _with_ropes(model: Model, places: Sequence[Place]) -> Model:
+    """Return the model with springs at places, each on a step between segments where it may move."""
+    for place in places if len(places) > 1 else ():
+        if place[1] != "end" and _room(model, place, places) > 0.0:
+            model, _ = model.split(place[0], float(place[1]))
+    ropes = [GroundSpring(part=part, position=position, name=_rope(i)) for i, (part, position) in enumerate(places)]
+    return model.attach(*ropes)
+
+
+def _room(model: Model, place: Place, places: Sequence[Place]) -> float:
+    """Return the distance by which a rope may move either way before it meets a step, a place or another rope."""
+    part, position = place
+    others = [0.5 * (float(position) + float(at)) for owner, at in places if owner == part and "end" != at != position]
+    fixed = [*model.steps(part), *model.places(part), 0.0, model.parts(part)[0].length]
+    return SHORTENED * min(abs(float(position) - x) for x in (*fixed, *others))
+
+
+def _at(lengths: Mapping[str, float], share: float) -> Place:
     """Return the part and the place in it at a share of the length of all parts."""
     position = share * sum(lengths.values())
     for part, length in lengths.items():
@@ -257,8 +319,8 @@ def _at(lengths: Mapping[str, float], share: float) -> tuple[str, float | Litera
 
 def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
-    stated = dict.fromkeys(observation.form for observation in model.receptances)
-    for order in (1, 2, -1, -2):
+    for scope, order in product(scopes_of(model), (1, 2, -1, -2)):
+        stated = dict.fromkeys(record.form for record in model.receptances if scope.has(record))
         actual = [_quantity_of(FORMS.index(form) + order) for form in stated]
         how = "differentiated" if order > 0 else "integrated"
         form = (
@@ -267,8 +329,8 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
             else ""
         )
         yield Variant(
-            f"{how} {_TIMES[abs(order)]} more than stated",
-            partial(Model.map_receptances, change=partial(_integrate, order)),
+            _within(f"{how} {_TIMES[abs(order)]} more than stated", scope),
+            partial(scope.change, change=partial(_integrate, order)),
             meaning=f"the files say {' and '.join(stated)}, and the data are {' and '.join(actual)}",
             remedy=f"{form}in a campaign the line `integrate = {order}` in the tables of these measurements (a number "
             "that is there already is added to it)",
@@ -281,30 +343,14 @@ def _integrate(order: int, record: Observation) -> Observation:
 
 def _polarity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
-    yield Variant("all", partial(Model.map_receptances, change=_reverse))
-    records = [observation for observation in model.witnesses or model.observations if observation.is_receptance]
-    places = dict.fromkeys(map(_sensor_place, records))
-    for place in places if len(places) > 1 else ():
-        part, position = place
-        name = f"sensor on {part} at " + (position if isinstance(position, str) else f"{1e3 * position:g} mm")
-        yield Variant(
-            name,
-            partial(Model.map_receptances, change=partial(_reverse_at, place)),
-            meaning=f"the {name} points the other way: its FRFs have the wrong sign, those of other places have not",
-        )
+    for scope in scopes_of(model):
+        there = f"sensor or hammer pointed the other way in the {scope.name}, and not in the other FRFs"
+        meaning = "" if scope == Scope() else there
+        yield Variant(scope.name, partial(scope.change, change=_reverse), meaning=meaning)
 
 
 def _reverse(record: Observation) -> Observation:
     return altered(record, receptance=-record.receptance)
-
-
-def _reverse_at(place: tuple[str, float | Literal["end"]], record: Observation) -> Observation:
-    return _reverse(record) if _sensor_place(record) == place else record
-
-
-def _sensor_place(observation: Observation) -> tuple[str, float | Literal["end"]]:
-    response = observation.response
-    return response.part or next(iter(observation.assembly.elements)), response.position
 
 
 def _quantity_of(order: int) -> str:
@@ -319,24 +365,26 @@ def _quantity_of(order: int) -> str:
 def _truncation(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
     require_no_table(model, f"{_NOT_COMPLEX}, or record until the structure is at rest")
-    end = _end_of_records(model)
-    low, high = _EARLIEST * end, _LATEST * end
-    # Chi-square has a minimum in each period of the highest frequency, and the lines show the end less accurately.
-    highest = max(float(observation.frequency_hz.real.max()) for observation in model.receptances)
-    ends = np.linspace(low, high, min(2 + int(2.0 * highest * (high - low)), SCANNED_ENDS))
-    yield Variant("records end too early", partial(_truncate, p["end"]), scan={p["end"].key: ends.tolist()})
-
-
-def _end_of_records(model: Model) -> float:
-    if model.truncation is None:
+    if not model.ends:
         raise UndecidableError("no record breaks off while the structure still rings: the lines are close enough")
-    return model.truncation
+    for scope in scopes_of(model):
+        yield Variant(_within("records end too early", scope), partial(_truncate, p["end"], scope), begin=best_end)
 
 
-def _truncate(parameter: Parameter, model: Model) -> Model:
-    end = _end_of_records(model)
-    unknown = replace(parameter, typical=end).unknown(END, lower=_EARLIEST * end, upper=_LATEST * end)
-    return model.map_receptances(partial(_end_at, end)).plus(unknown)
+def _truncate(parameter: Parameter, scope: Scope, model: Model) -> Model:
+    ends = [model.ends[name] for name in _names_of_ends(scope, model) if name in model.ends]
+    if not ends:
+        raise UndecidableError(f"no record of the scope {scope.name!r} breaks off while the structure still rings")
+    end = float(np.median(ends))
+    unknown = replace(parameter, typical=end).unknown(
+        END, lower=_EARLIEST * end, upper=_LATEST * end, **scope.limits(model)
+    )
+    return scope.change(model, partial(_end_at, end)).plus(unknown)
+
+
+def _names_of_ends(scope: Scope, model: Model) -> list[str]:
+    """Return the names in `Model.ends` of all records together, or of those of a scope."""
+    return [ALL_RECORDS] if scope == Scope() else [record.label for record in model.receptances if scope.has(record)]
 
 
 def _end_at(time: float, record: Observation) -> Observation:
@@ -423,6 +471,7 @@ MEASUREMENT_CAUSES = (
         parameters=(
             Parameter(name="stiffness", unit="N/m", lower=0.0, upper=1e8, typical=1e4, plausible=(0.0, 1e6)),
             Parameter(name="damping", unit="N s/m", lower=0.0, upper=1e5, typical=1.0, plausible=(0.0, 1e3)),
+            Parameter(name="distance", unit="m", lower=-1.0, upper=1.0, typical=0.0, secondary=True),
         ),
         change=_suspension,
         meaning="the suspension is not soft enough to count as free",

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from receptance.diagnosis.truncation import truncation_time
+from receptance.diagnosis.thresholds import EXPLORING_LINES
+from receptance.diagnosis.truncation import record_ends
 from receptance.fit.discrepancy import Discrepancy
-from receptance.fit.line_selection import resonant_lines
+from receptance.fit.line_selection import informative_lines, resonant_lines
 from receptance.fit.observation import Observation, Unit, altered
 from receptance.fit.parameters import Parameters, Site
 from receptance.fit.problem import Problem, Task
@@ -60,8 +61,8 @@ class Model:
     witnesses: tuple[Observation, ...] = ()
     """Observations that are changed with the others and never fitted. Their places decided where the parts of the
     diagnosed model are divided; other observations with the same causes are divided at the same places."""
-    truncation: float | None = None
-    """Time in s after the hit at which the records were truncated, where all their lines show it."""
+    ends: Mapping[str, float] = field(default_factory=dict)
+    """Times in s after the hit at which records were truncated, where all their lines show it: see `record_ends`."""
     seed: int = 0
     """Seed of the random numbers of its fits."""
     threads: int | None = None
@@ -85,8 +86,8 @@ class Model:
     def with_witnesses(self) -> Model:
         """Return the model with what causes need of all its lines, which models of fewer lines keep.
 
-        These are one observation for each set of places with one of the sensor as its witnesses, and the time of a
-        truncation.
+        These are one observation for each set of places with one of the sensor as its witnesses, and the times at which
+        records end.
         """
         kept: dict[tuple[object, ...], Observation] = {}
         for observation in self.observations:
@@ -94,7 +95,7 @@ class Model:
             places = [(name, *sorted(places_on(observation, name))) for name in parts]
             sensor = (observation.response.part, observation.response.position) if observation.is_receptance else ()
             kept.setdefault((*places, sensor), observation)
-        return replace(self, witnesses=tuple(kept.values()), truncation=truncation_time(self.receptances))
+        return replace(self, witnesses=tuple(kept.values()), ends=record_ends(self.receptances))
 
     @cached_property
     def task(self) -> Task:
@@ -114,9 +115,18 @@ class Model:
         return self.task.problem()
 
     @cached_property
-    def on_few_lines(self) -> dict[int, tuple[Observation, ...]]:
-        """Observations on the most informative lines, by their number; `line_selection.on_few_lines` adds them."""
-        return {}
+    def on_few_lines(self) -> tuple[Observation, ...]:
+        """Observations on the most informative lines of each receptance."""
+        # Models that differ in their unknowns share them.
+        if self.shorter is not None and self.shorter.observations is self.observations:
+            return self.shorter.on_few_lines
+        chosen = informative_lines(self.observations, self.configuration_of, EXPLORING_LINES)
+        return tuple(each.select(lines) for each, lines in zip(self.observations, chosen, strict=True))
+
+    @property
+    def thinned(self) -> Model:
+        """The model of these lines."""
+        return replace(self, observations=self.on_few_lines)
 
     @cached_property
     def _places_in_laws(self) -> list[Site]:
@@ -223,10 +233,6 @@ class Model:
         object.__setattr__(result, "shorter", self)
         return result
 
-    def map_receptances(self, change: Callable[[Observation], Observation]) -> Model:
-        """Return the model with changed receptances, witnesses included."""
-        return self.map(lambda observation: change(observation) if observation.is_receptance else observation)
-
     def map(self, change: Callable[[Observation], Observation]) -> Model:
         """Return the model with every observation changed."""
         observations, witnesses = (tuple(change(one) for one in own) for own in (self.observations, self.witnesses))
@@ -265,7 +271,7 @@ class Model:
         return replace(
             self,
             observations=tuple(observations),
-            unknowns=tuple(u for u in self.unknowns if observed(u.addresses, u.configurations)),
+            unknowns=tuple(u for u in self.unknowns if observed(u.addresses, u.configurations, u.labels)),
             tolerances=tuple(t for t in self.tolerances if observed(tuple(t.moves), t.configurations, t.labels)),
         )
 

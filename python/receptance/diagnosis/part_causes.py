@@ -117,36 +117,59 @@ def _lengthen(length: Parameter, configuration: str | None, model: Model) -> Mod
 
 
 def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    """Yield a thinner first section. Flutes leave less than the full circle, which is that of the last section."""
+    require_joint(model)
+    room = max(_room_to_full_circle(model), 0.0)
+    low, high = p["log_diameter"].plausible
+    diameter = replace(p["log_diameter"], upper=room, plausible=(low, high + room))
+    yield from _other_first_section({**p, "log_diameter": diameter}, model)
+
+
+def _tip_diameter(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    """Yield another diameter of a first section, which flutes do not explain."""
+    if model.joints and _room_to_full_circle(model) > 0.0:
+        raise UndecidableError("the model has a thinner first section: see fluted_part")
+    if model.joints:
+        # A thinner one is that of flutes.
+        p = {**p, "log_diameter": replace(p["log_diameter"], lower=0.0)}
+    yield from _other_first_section(p, model)
+
+
+def _room_to_full_circle(model: Model) -> float:
+    """Return the logarithm of the diameter of the last section over that of the first one, the smallest of all."""
+    parts = model.parts(model.tip)
+    return min(math.log(part.segments[-1].outer_diameter / part.segments[0].outer_diameter) for part in parts)
+
+
+def _other_first_section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     tip = model.tip
     parts = model.parts(tip)
     if any(len(part.segments) > 1 for part in parts):
-        yield Variant("first section", partial(_thin_first_section, p["log_diameter"]))
+        yield Variant("first section", partial(_change_first_section, p["log_diameter"]))
         return
-    # The end of the flutes cannot pass a place on the tool, so it lies between two of them.
-    for low in (0.0, *(place for place in model.places(tip) if 0.0 < place < _longest_flutes(parts))):
+    # The end of the section cannot pass a place on the tool, so it lies between two of them.
+    for low in (0.0, *(place for place in model.places(tip) if 0.0 < place < _longest_section(parts))):
         name = "from the tip" + (f", ending beyond {1e3 * low:g} mm" if low else "")
-        yield Variant(name, partial(_thin_up_to_flutes, p, low))
+        yield Variant(name, partial(_add_first_section, p, low))
 
 
-def _thin_first_section(diameter: Parameter, model: Model) -> Model:
-    parts = model.parts(model.tip)
-    if all(len(part.segments) == 1 for part in parts):
+def _change_first_section(diameter: Parameter, model: Model) -> Model:
+    if all(len(part.segments) == 1 for part in model.parts(model.tip)):
         raise IndescribableError("the tool has one section")
-    moves = {f"{model.tip}.segment[0].outer_diameter": 1.0}
-    return model.plus(_up_to_full(diameter, parts).move(moves, relative=True))
+    return model.plus(diameter.move({f"{model.tip}.segment[0].outer_diameter": 1.0}, relative=True))
 
 
-def _longest_flutes(parts: Sequence[Part]) -> float:
+def _longest_section(parts: Sequence[Part]) -> float:
     return 0.95 * min(part.segments[0].length for part in parts)
 
 
-def _thin_up_to_flutes(p: Mapping[str, Parameter], low: float, model: Model) -> Model:
-    """Return the model with flutes from the tip, that end between a place on the tool and the next one."""
+def _add_first_section(p: Mapping[str, Parameter], low: float, model: Model) -> Model:
+    """Return the model with another section from the tip, that ends between a place on the tool and the next one."""
     tip = model.tip
-    longest = _longest_flutes(model.parts(tip))
+    longest = _longest_section(model.parts(tip))
     high = min([longest, *(place for place in model.places(tip) if place > low + SAME_PLACE)])
     if high - low < FLUTE_ROOM:
-        raise IndescribableError(f"flutes cannot end beyond {1e3 * low:g} mm on {tip}")
+        raise IndescribableError(f"no section of its own can end beyond {1e3 * low:g} mm on {tip}")
     divided, _ = model.split(tip, low + TIP_STEP)
     first = f"{tip}.segment[0]"
     beyond = f"beyond {1e3 * low:g} mm" if low else ""
@@ -155,13 +178,6 @@ def _thin_up_to_flutes(p: Mapping[str, Parameter], low: float, model: Model) -> 
     moves = {f"{first}.length": 1.0, f"{tip}.segment[1].length": -1.0}
     length = p["length"].move(moves, part=beyond, lower=lower, upper=room, start=0.5 * room)
     return divided.plus(p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True), length)
-
-
-def _up_to_full(diameter: Parameter, parts: Sequence[Part]) -> Parameter:
-    """Return the effective diameter of a first section with a plausible range up to the diameter of the last one."""
-    low, high = diameter.plausible
-    room = min(math.log(part.segments[-1].outer_diameter / part.segments[0].outer_diameter) for part in parts)
-    return replace(diameter, upper=max(diameter.upper, high + room), plausible=(low, high + max(room, 0.0)))
 
 
 def _flexible(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -324,18 +340,33 @@ def _between(name: str, typical: float, low: float, high: float) -> Parameter:
     return Parameter(name=name, unit="", lower=3.0 * low, upper=3.0 * high, typical=typical, plausible=(low, high))
 
 
+_LENGTH_OF_SECTION = Parameter(name="length", unit="m", lower=0.003, upper=0.5, typical=0.02, secondary=True)
+
 PART_CAUSES = (
     Cause(
         id="fluted_part",
         title="thinner fluted part",
         group="structure",
         parameters=(
-            Parameter(name="log_diameter", unit="", lower=-0.5, upper=0.2, typical=-0.05, plausible=(-0.4, 0.02)),
-            Parameter(name="length", unit="m", lower=0.003, upper=0.5, typical=0.02, secondary=True),
+            Parameter(name="log_diameter", unit="", lower=-0.5, upper=0.0, typical=-0.05, plausible=(-0.4, 0.0)),
+            _LENGTH_OF_SECTION,
         ),
         change=_flutes,
         meaning="the fluted part is thinner than the full circle that the model has there",
         remedy="model the flutes with their effective diameter; a plain blank of the same size confirms it",
+        unspecific=True,
+    ),
+    Cause(
+        id="tip_diameter",
+        title="another diameter near the tip",
+        group="structure",
+        parameters=(
+            Parameter(name="log_diameter", unit="", lower=-0.5, upper=0.2, typical=0.05, plausible=(-0.4, 0.02)),
+            _LENGTH_OF_SECTION,
+        ),
+        change=_tip_diameter,
+        meaning="the part has another diameter near the tip than further on",
+        remedy="measure the diameter along the part; look for a collar, a groove, a coating or something left on it",
         unspecific=True,
     ),
     Cause(

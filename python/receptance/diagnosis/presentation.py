@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -191,11 +192,21 @@ def improvement_text(gain: Gain) -> str:
 
 
 def tables(verdict: Verdict) -> list[Table]:
-    """Return the effect of the causes, the alternatives, and the modes with the largest errors."""
+    """Return effect and alternatives of the causes, the largest errors of modes, and causes that were not tried."""
     modes = _mode_table(
         "Modes with the largest errors, modelled less measured", verdict.modes, verdict.modes_after, _LONGEST
     )
-    return [table for table in (*_effect(verdict), alternatives(verdict, _LONGEST), modes) if table.rows]
+    shown = (*_effect(verdict), alternatives(verdict, _LONGEST), modes, _not_tried(verdict))
+    return [table for table in shown if table.rows]
+
+
+def _not_tried(verdict: Verdict) -> Table:
+    """Return the causes that the data cannot show, by reason."""
+    by_reason: dict[str, list[str]] = {}
+    for cause, reason in verdict.undecidable.items():
+        by_reason.setdefault(reason, []).append(cause)
+    rows = [(names(causes), reason) for reason, causes in by_reason.items()]
+    return Table("Causes that these data cannot show", ("not tried", "reason"), rows)
 
 
 _Row = tuple[str, str, str | None, str]
@@ -413,8 +424,9 @@ def key_figures(verdict: Verdict) -> list[tuple[str, Sequence[str]]]:
 def sections(verdict: Verdict) -> list[PageSection]:
     """Return held-out and fitted data before and after, all causes, those that the data cannot show, and settings."""
     shown = [*_section_of_held_out_data(verdict), _section_of_fitted_data(verdict), *_section_of_causes(verdict)]
-    if rows := [(names([id]), reason) for id, reason in verdict.undecidable.items()]:
-        shown.append(PageSection("Causes that these data cannot show", tables=[Table("", ("cause", "reason"), rows)]))
+    if verdict.undecidable:
+        table = _not_tried(verdict)
+        shown.append(PageSection(table.title, tables=[replace(table, title="")]))
     return [*shown, _section_of_settings(verdict)]
 
 

@@ -25,7 +25,6 @@ from receptance.diagnosis.thresholds import (
     DEPENDENT,
     INVISIBLE,
     LOOK_ALIKE,
-    OTHER_QUANTITY,
     VARIANTS_FITTED,
 )
 from receptance.fit.adequacy import CHANCE
@@ -96,6 +95,7 @@ def list_variants(fit: Fit, causes: Sequence[Cause]) -> tuple[list[tuple[Variant
     The second result has the reasons by the ids of the causes.
     """
     extensions: list[tuple[Variant, Model]] = []
+    changes: list[tuple[Variant, Model]] = []
     undecidable: dict[str, UndecidableError] = {}
     inadequate = not fit.adequacy.passed
     for cause in causes:
@@ -104,19 +104,41 @@ def list_variants(fit: Fit, causes: Sequence[Cause]) -> tuple[list[tuple[Variant
         except UndecidableError as error:
             undecidable[cause.id] = error
             continue
-        if (inadequate or not cause.large) and (not cause.changes_data or _is_other_quantity(fit)):
+        if cause.changes_data:
+            changes += extended
+        elif inadequate or not cause.large:
             extensions += extended
-    return extensions, undecidable
+    return [*extensions, *_improving(changes, fit)], undecidable
 
 
-def _is_other_quantity(fit: Fit) -> bool:
-    """Return whether receptances differ by factors, which only another measured quantity explains."""
-    errors = [
-        float(np.median(np.abs(residual.reshape(2, -1)) * observation.standard_deviation))
-        for observation, residual in zip(fit.model.observations, fit.parts, strict=True)
+def _improving(changes: Sequence[tuple[Variant, Model]], fit: Fit) -> list[tuple[Variant, Model]]:
+    """Return the changes of the data that bring each record that they change closer to the model.
+
+    The distance is the median error of the logarithm. A wrong sign or quantity is an error by a factor, which other
+    changes do not imitate. The same change of some of these records is left out.
+    """
+    errors = {
+        number: (residual * observation.standard_deviations).reshape(2, -1)
+        for number, (observation, residual) in enumerate(zip(fit.model.observations, fit.parts, strict=True))
         if observation.is_receptance
-    ]
-    return bool(errors) and max(errors) > OTHER_QUANTITY
+    }
+    before = {number: _distance(error, np.ones(1)) for number, error in errors.items()}
+    improving: list[tuple[tuple[Variant, Model], dict[int, float]]] = []
+    for change in changes:
+        after = {}
+        for number, (old, new) in enumerate(zip(fit.model.observations, change[1].observations, strict=True)):
+            if new is not old and number in errors:
+                after[number] = _distance(errors[number], new.receptance / old.receptance)
+        if after and all(distance < before[number] for number, distance in after.items()):
+            improving.append((change, after))
+    return [change for change, after in improving if not any(after.items() < other.items() for _, other in improving)]
+
+
+def _distance(error: NDArray[np.float64], factor: NDArray[np.inexact]) -> float:
+    """Return the median error of the logarithm, `(2, n)`, of a record that is multiplied by a factor."""
+    change = np.broadcast_to(np.log(np.abs(factor)) + 1j * np.angle(factor), error.shape[1:])
+    real, imaginary = error[0] + change.real, error[1] + change.imag
+    return float(np.median(np.hypot(real, np.angle(np.exp(1j * imaginary)))))
 
 
 def directions(fit: Fit, extensions: Sequence[tuple[Variant, Model]], threads: int | None = 1) -> list[Direction]:

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from receptance.diagnosis.fitting import Fit, best_start, fit_base, refit
+from receptance.diagnosis.fitting import Fit, fit_base, refit
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction
 from receptance.diagnosis.thresholds import JOINT_FACTOR, LARGE_SIZE, WORSE_LEVEL
@@ -32,8 +32,8 @@ def starts_of(direction: Direction, fit: Fit) -> list[list[dict[str, float]]]:
         joints = {a for field in ("k_y", "k_theta", "k_ytheta") for a in fit.model.joint_addresses(field)}
         stiffer = {u.name: JOINT_FACTOR * values[u.name] for u in fit.task.parameters.unknowns if u.address in joints}
         return [[{**values, **stiffer, **null}]]
-    for name, grid in direction.variant.scan.items():
-        null[name] = best_start(direction.model, {**values, **null}, name, grid)
+    if direction.variant.begin is not None:
+        null |= direction.variant.begin(direction.model, {**values, **null})
     starts = [null]
     if direction.estimate:
         starts.append({**null, **direction.estimate})

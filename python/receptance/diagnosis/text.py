@@ -235,6 +235,12 @@ SENTENCES = {
         "no model discrepancy was estimated; diagnose without --fast before you rely on the cause"
     ),
     # Limits of the data.
+    "contradiction": (
+        "{first} and {second} contradict each other: they are of one structure at the same places, and {second} is "
+        "{ratio:.3g} times {first} with a phase of {phase_deg:+.0f}° in the median; {percent:.0f} % of the lines "
+        "differ, from {low_hz:.0f} to {high_hz:.0f} Hz, by {misfit:.3g} times the noise: "
+        "repeat one of them"
+    ),
     "no_tolerances": "there are no tolerances: an ordinary deviation may be mistaken for a cause",
     "single_configuration": "there is one configuration: measure {another} to distinguish {sources}",
     "single_mode": "there is one mode in each record: measure up to a second one to distinguish joint and parts",

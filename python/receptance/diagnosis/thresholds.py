@@ -11,7 +11,7 @@ import math
 # Lines of measured receptances.
 
 EXPLORING_LINES = 120
-"""Lines of each receptance of the first fits of the base."""
+"""Lines of each receptance of the first fits of the base, and of simulated measurements."""
 BLOCKS = 120
 """Blocks of each receptance, about, in the data that are compressed about a fit."""
 
@@ -52,8 +52,6 @@ LEAST_FREEDOM = 3
 
 CHANCE_DRAWS = 20000
 """Draws of residuals for the detection threshold."""
-OTHER_QUANTITY = 0.3
-"""Median error of the logarithm of a receptance from which another measured quantity is tried."""
 VARIANTS_FITTED = 3
 """Variants of each cause that are fitted, the highest predicted evidence first."""
 PREDICTED_SHARE = 0.1
@@ -131,8 +129,6 @@ LOOK_ALIKE = 0.9
 
 # The advice.
 
-SIMULATION_LINES = 150
-"""Lines of each receptance in the simulation of a further measurement."""
 QUANTITY_SHOWN = 1e3
 """Increase of chi-square by a wrong quantity where a known mass is measured."""
 
@@ -168,8 +164,6 @@ TRUNCATION_FROM = 0.3
 """Earliest truncation, as a share of the period."""
 TRUNCATION_POINTS = 400
 """Instants of a period."""
-SCANNED_ENDS = 1000
-"""Most ends of a record from which the start of a fit is chosen."""
 UNEVEN_LINES = 0.02
 """Largest deviation of a line from a multiple of the spacing, in spacings."""
 

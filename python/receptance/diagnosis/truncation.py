@@ -16,8 +16,21 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.fit.observation import Observation
 
+ALL_RECORDS = ""
+"""Key of all records together among the ends of records."""
 
-def truncation_time(records: Sequence[Observation]) -> float | None:
+
+def record_ends(records: Sequence[Observation]) -> dict[str, float]:
+    """Return the times in s after the hit at which records were truncated, where their lines show it.
+
+    They are those of each record by its label, and that of all together under `ALL_RECORDS`.
+    """
+    groups = {ALL_RECORDS: tuple(records), **{record.label: (record,) for record in records if record.label}}
+    ends = {name: _truncation_time(members) for name, members in groups.items()}
+    return {name: end for name, end in ends.items() if end is not None}
+
+
+def _truncation_time(records: Sequence[Observation]) -> float | None:
     """Return the time in s after the hit at which records were truncated; None where they do not show it.
 
     The lines of a record of the length T are multiples of 1 / T, and the corresponding response covers one period T.

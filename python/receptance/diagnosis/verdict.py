@@ -160,12 +160,15 @@ class Verdict(Result):
         """Reasons of the answer, and limits of the data."""
         run = [self.interrupted] if self.interrupted else []
         run += [Reason("fast_diagnosis")] if self.selection.fast else []
-        return (*run, *self.judgement.reasons, *limits_of(self.selection), *self.data_reasons)
+        # Records that contradict each other make everything else doubtful.
+        first = [reason for reason in self.data_reasons if reason.code == "contradiction"]
+        rest = [reason for reason in self.data_reasons if reason.code != "contradiction"]
+        return (*first, *run, *self.judgement.reasons, *limits_of(self.selection), *rest)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The reasons and the notes of the campaign, a sentence each."""
-        return tuple(dict.fromkeys([*self.campaign.notes, *map(str, self.reasons)]))
+        """The reasons, and the notes of the campaign, a sentence each."""
+        return tuple(dict.fromkeys([*map(str, self.reasons), *self.campaign.notes]))
 
     # Explanations.
 

@@ -247,7 +247,11 @@ class Parameters:
             if not isinstance(unknown, Law):
                 values.append(unknown)
                 continue
-            having = [site for site in sites if site.among(unknown.configurations) and site.covered(unknown.address)]
+            having = [
+                site
+                for site in sites
+                if site.among(unknown.configurations, unknown.labels) and site.covered(unknown.address)
+            ]
             configurations = list(dict.fromkeys(site.configuration for site in having))
             expanded = unknown.expanded(configurations)
             # The individual parts are last, one for each configuration.
@@ -332,7 +336,7 @@ class Parameters:
         """Labels and conditions that unknowns and errors name."""
         names: set[str] = set()
         for unknown in self.given:
-            names |= {*(unknown.configurations or ())}
+            names |= {*(unknown.configurations or ()), *(unknown.labels or ())}
             if isinstance(unknown, Move):
                 names.add(unknown.of)
             elif isinstance(unknown, Law):
@@ -369,7 +373,7 @@ class Parameters:
         exponents: _SparseRows = defaultdict(lambda: defaultdict(float))
         shifts: _SparseRows = defaultdict(lambda: defaultdict(float))
         for unknown in self.given:
-            if not site.among(unknown.configurations):
+            if not site.among(unknown.configurations, unknown.labels):
                 continue
             if isinstance(unknown, Move):
                 self._add_move(unknown, site, exponents if unknown.relative else shifts)
@@ -453,21 +457,27 @@ class Parameters:
         for site in sites:
             owner: dict[str, str] = {}
             for unknown in self.given:
-                for name in site.covered(unknown.address) if site.among(unknown.configurations) else ():
+                for name in site.covered(unknown.address) if site.among(unknown.configurations, unknown.labels) else ():
                     if name in owner:
                         raise ValueError(f"the unknowns {owner[name]!r} and {unknown.name!r} both determine {name!r}")
                     owner[name] = unknown.name
         notes: list[str] = []
         Names = tuple[str, ...] | None
         rows: list[tuple[str, tuple[str, ...], Names, Names | str]] = [
-            (f"Unknown {unknown.address!r}", unknown.addresses, unknown.configurations, None) for unknown in self.given
+            (f"Unknown {unknown.address!r}", unknown.addresses, unknown.configurations, unknown.labels)
+            for unknown in self.given
         ]
         rows += [
             (f"Tolerance {tolerance.name!r}", tuple(tolerance.moves), tolerance.configurations, tolerance.labels)
             for tolerance in self.tolerances
         ]
         rows += [
-            (f"Law {unknown.address!r}, with what follows it", tuple(unknown.follows), unknown.configurations, None)
+            (
+                f"Law {unknown.address!r}, with what follows it",
+                tuple(unknown.follows),
+                unknown.configurations,
+                unknown.labels,
+            )
             for unknown in self.given
             if isinstance(unknown, Law) and unknown.follows
         ]

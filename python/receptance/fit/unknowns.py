@@ -98,8 +98,10 @@ class Unknown:
     """Prior; by default uniform within the bounds."""
     configurations: tuple[str, ...] | None = None
     """Configurations or labels of the observations that have the unknown, one name or several; by default all."""
+    labels: tuple[str, ...] | str | None = None
+    """Labels of the observations that have the unknown, one or several; by default all."""
     name: str = ""
-    """Name in results; by default the address, with the configurations if they are given."""
+    """Name in results; by default the address, with the configurations or labels if they are given."""
     multiple: float = 1.0
     """Ratio of the parameter at the address to the unknown."""
     also: Mapping[str, float] = field(default_factory=dict)
@@ -129,10 +131,11 @@ class Unknown:
                 raise TypeError(f"{owner}: prior is {self.prior!r}, expected a Prior")
             if scale == "log" and self.prior.mean <= 0.0:
                 raise ValueError(f"{owner}: the prior's mean is {self.prior.mean:g}, expected more than zero")
-        chosen = names_of_configurations(owner, self.configurations)
-        title = self.name or self.address + ("" if chosen is None else f" @ {', '.join(chosen)}")
+        configurations, labels = (names_of_configurations(owner, names) for names in (self.configurations, self.labels))
+        limits = ", ".join([*(configurations or ()), *(labels or ())])
+        title = self.name or self.address + (f" @ {limits}" if limits else "")
         _checks.set_fields(self, {"lower": lower, "upper": upper, "start": start, "scale": scale})
-        _checks.set_fields(self, {"configurations": chosen, "name": title})
+        _checks.set_fields(self, {"configurations": configurations, "labels": labels, "name": title})
 
     @property
     def tied(self) -> bool:
@@ -330,7 +333,7 @@ class Law(Unknown):
     def base(self, name: str, configurations: tuple[str, ...] | None, start: float | None = None) -> Unknown:
         """Return the unknown of the value at the references; another start is moved within the bounds."""
         start = self.start if start is None else min(max(start, self.lower), self.upper)
-        fields = ("address", "lower", "upper", "scale", "prior", "multiple", "also")
+        fields = ("address", "lower", "upper", "scale", "prior", "labels", "multiple", "also")
         values = {field: getattr(self, field) for field in fields}
         return Unknown(**values, start=start, name=name, configurations=configurations)
 

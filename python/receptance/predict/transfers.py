@@ -287,7 +287,7 @@ def transfer(
         if progress is not None:
             progress(f"holding out {', '.join(group)}, {len(found) + 1} of {len(groups)}")
         sites = [o.site(i) for i, o in enumerate(observed) if o.configuration not in group]
-        here = [u for u in given if _in_some((u.address,), u.configurations, None, sites)]
+        here = [u for u in given if _in_some((u.address,), u.configurations, u.labels, sites)]
         near = [t for t in errors if _in_some(tuple(t.moves), t.configurations, t.labels, sites)]
         kept = [o for o in observed if o.configuration not in group]
         fit = identify(kept, here, tolerances=near, seed=seed, **options) if here else None
@@ -362,8 +362,8 @@ def _with_prediction(
     """
     fit, site = split.identified, replace(observation.site(0), factors=())
     given = () if fit is None else fit.task.parameters.given
-    missing = [u.address for u in lost if _in_some((u.address,), u.configurations, None, [site])]
-    shared = any(_in_some((u.address,), u.configurations, None, [site]) for u in given)
+    missing = [u.address for u in lost if _in_some((u.address,), u.configurations, u.labels, [site])]
+    shared = any(_in_some((u.address,), u.configurations, u.labels, [site]) for u in given)
     if missing or not shared or fit is None:
         names = ", ".join(missing) or "none of the identified parameters"
         reason = f"{names} {'is in' if missing else 'in'} no configuration that is left"
