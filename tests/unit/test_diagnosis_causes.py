@@ -29,8 +29,9 @@ from receptance import (
 from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, UndecidableError, Variant
 from receptance.diagnosis.causes import extend, parameters_of, transfer
 from receptance.diagnosis.explanation import Explanation, behind_limit
-from receptance.diagnosis.fitting import explore, in_parallel
+from receptance.diagnosis.fitting import explore, fit_base
 from receptance.diagnosis.model import IndescribableError
+from receptance.diagnosis.progress import in_parallel
 from receptance.diagnosis.thresholds import COLLET_GYRATION
 from receptance.fit import Law, Move, Tolerance
 from receptance.fit.observation import altered
@@ -244,9 +245,10 @@ def test_a_heavy_collet_has_a_moment_of_inertia_of_its_own() -> None:
             make_observations(overhang), receptance=true.receptance(LINES), standard_deviation=np.full(LINES.size, 1e-3)
         )
 
-    ((_, collet), *_) = CATALOGUE["collet_mass"].extensions(Model((observe(0.05), observe(0.08)), JOINT))
-    few = explore(collet, [{"collet_mass.mass": 0.09}, {"collet_mass.mass": 0.03}]).go_on([])
-    fit = few.finish()
+    model = Model((observe(0.05), observe(0.08)), JOINT)
+    ((_, collet), *_) = CATALOGUE["collet_mass"].extensions(model)
+    starts: list[dict[str, float]] = [{"collet_mass.mass": 0.09}, {"collet_mass.mass": 0.03}]
+    fit = explore(fit_base(model), collet, starts).go_on([]).finish()
     assert fit is not None
     assert fit.misfit < 0.01
     assert fit.values["collet_mass.mass"] == pytest.approx(0.07, rel=1e-2)

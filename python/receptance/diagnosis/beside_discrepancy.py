@@ -14,11 +14,11 @@ from functools import partial
 
 from receptance.diagnosis.causes import Cause, Variant, extend
 from receptance.diagnosis.explanation import Explanation, Selection, best_of_each
-from receptance.diagnosis.fitting import DiscrepancyFit, fit_discrepancy, in_parallel, refit
+from receptance.diagnosis.fitting import DiscrepancyFit, fit_discrepancy, refit
 from receptance.diagnosis.model import Model, UndecidableError
-from receptance.diagnosis.progress import Progress
+from receptance.diagnosis.progress import Progress, in_parallel
 from receptance.diagnosis.screening import detection_threshold
-from receptance.diagnosis.selection import Search, select
+from receptance.diagnosis.search import Search, select
 from receptance.diagnosis.thresholds import DISCREPANCY_CAUSES, DISCREPANCY_SELECTIONS, LEADING_CAUSES
 from receptance.errors import ReceptanceError
 from receptance.fit.discrepancy import Discrepancy
@@ -74,7 +74,7 @@ def select_beside(
     _use_evidence(selection, base, own, tried)
     selection.beside = base
     selection.threshold = _threshold(selection, used, base)
-    Search(selection, catalogue, progress=report).fit_alternatives()
+    Search(selection, catalogue, progress=report).race_alternatives()
     fits = _fits(base.model, base.fit.values, selection.alternatives, selection.workers)
     pairs = zip(selection.alternatives, fits, strict=True)
     selection.alternatives = best_of_each(

@@ -23,7 +23,7 @@ from receptance.diagnosis.line_selection import select_lines
 from receptance.diagnosis.model import DATA_HOLDER, TABLE, Model, UndecidableError
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.screening import Direction, look_alike
-from receptance.diagnosis.selection import select
+from receptance.diagnosis.search import select
 from receptance.diagnosis.table_noise import with_table_noise
 from receptance.diagnosis.thresholds import (
     BEYOND_NOISE,
@@ -287,7 +287,7 @@ def _verdict(
             if variant.cause.id not in reported:
                 reported[variant.cause.id] = _candidate(selection, one, variant)
     alternatives = {
-        alternative: _candidate(selection, alternative, alternative.variants[0])
+        alternative: _candidate(selection, alternative, alternative.variants[-1])
         for alternative in selection.alternatives
     }
     singles = selection.singles[: KEPT_ON_INTERRUPT if interrupted else None]

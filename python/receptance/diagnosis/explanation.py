@@ -244,3 +244,8 @@ class Selection:
     def best(self) -> Explanation | None:
         """The explanation with the highest evidence."""
         return next(iter(self.explanations), None)
+
+    @property
+    def adequate(self) -> Explanation | None:
+        """The adequate explanation with the highest evidence."""
+        return next((explanation for explanation in self.explanations if explanation.passed), None)

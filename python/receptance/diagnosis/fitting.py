@@ -6,8 +6,7 @@ lines does not affect the result.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
@@ -15,28 +14,27 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance import _core
 from receptance.diagnosis.line_selection import on_few_lines, thin
-from receptance.diagnosis.model import Model
+from receptance.diagnosis.model import Model, UndecidableError
 from receptance.diagnosis.thresholds import (
     AT_BOUND,
-    BEHIND,
+    BLOCKS,
     CONTINUED_BASE,
     CONTINUED_STARTS,
-    DIFFERENT_END,
     EVALUATIONS,
     EVALUATIONS_EXPLORING,
     EVALUATIONS_OF_BASE,
     EVALUATIONS_OF_START,
     MARGIN,
-    SAME_END,
     TOLERANCE_OF_BASE,
 )
 from receptance.errors import ReceptanceError
 from receptance.fit import discrepancy_fit
 from receptance.fit.adequacy import MISFIT_LIMIT, Adequacy, Strain, judge, misfit_limit, strain_of
+from receptance.fit.compression import Compression
 from receptance.fit.discrepancy import Discrepancy
 from receptance.fit.identification import conclude
+from receptance.fit.observation import Observation
 from receptance.fit.problem import CONVERGED, End, InfeasibleError, Problem, Task
 from receptance.fit.result import Identification
 from receptance.fit.search import Start, fit_direct, fit_staged
@@ -109,16 +107,27 @@ class Fit:
 
     @cached_property
     def basis(self) -> NDArray[np.float64]:
-        """Orthonormal columns that span the derivatives of the residuals by the variables that no bound holds.
+        """Orthonormal columns that span the derivatives of the compressed data by the variables that no bound holds.
 
         A variable beyond its bound would explain residuals that the fit cannot.
         """
         try:
             # The problem would keep them.
-            slopes = self.problem.rows(self.x, np.ones(self.x.size, dtype=np.bool_))[1]
+            residual, slopes = self.compressed_problem.rows(self.x, np.ones(self.x.size, dtype=np.bool_))
         except InfeasibleError:
-            slopes = np.zeros((self.problem.size, self.x.size))
-        return np.linalg.qr(slopes[:, ~self._held(slopes.T @ self.residual)])[0]
+            residual, slopes = (
+                np.zeros(self.compressed_problem.size),
+                np.zeros((self.compressed_problem.size, self.x.size)),
+            )
+        return np.linalg.qr(slopes[:, ~self._held(slopes.T @ residual)])[0]
+
+    @cached_property
+    def compressed_residual(self) -> NDArray[np.float64]:
+        """The residuals on the compressed data, priors last."""
+        try:
+            return self.compressed_problem.value(self.x)
+        except InfeasibleError:
+            return np.full(self.compressed_problem.size, np.inf)
 
     def _held(self, gradient: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return the mask of variables at a bound beyond which chi-square decreases."""
@@ -130,10 +139,23 @@ class Fit:
         return held
 
     @cached_property
-    def chi_square_on_few_lines(self) -> float:
-        """Chi-square on the most informative lines, after a short fit to these."""
-        problem = _problem_on_few_lines(self.model)
-        return 2.0 * problem.fit_one(self.x, EVALUATIONS_OF_START, least=CONVERGED).cost
+    def compression(self) -> Compression | None:
+        """The data compressed about it; None where that is not worthwhile.
+
+        The lines of truncated records have ripples, which blocks would hide.
+        """
+        if self.model.ends or not np.isfinite(self.residual).all():
+            return None
+        return Compression.about(self.model.observations, self.parts, self.model.configuration_of, BLOCKS)
+
+    def compress(self, observations: Sequence[Observation]) -> tuple[Observation, ...]:
+        """Return the observations of a model of the same data, compressed about this fit."""
+        return tuple(observations) if self.compression is None else self.compression.of(observations)
+
+    @cached_property
+    def compressed_problem(self) -> Problem:
+        """The residuals on the compressed data."""
+        return self.problem if self.compression is None else self.task.problem(self.compress(self.model.observations))
 
     @cached_property
     def independent_values(self) -> float:
@@ -302,6 +324,17 @@ def continued(fit: Fit) -> Fit:
     return replace(again, regained=fit.regained + again.regained)
 
 
+_T = TypeVar("_T")
+
+
+def fit_or_none(fit: Callable[[], _T | None]) -> _T | None:
+    """Return a fit; None where the model has no value at its start, or cannot have its causes."""
+    try:
+        return fit()
+    except (ReceptanceError, UndecidableError, ValueError):
+        return None
+
+
 def evaluate(model: Model, values: Mapping[str, float], *, evaluations: int = 0) -> Fit:
     """Return a model on all lines at given values, without a fit; parameters as in `refit`."""
     x = model.task.variables.vector_of(values)
@@ -321,71 +354,58 @@ def with_null(model: Model, fit: Fit) -> Fit:
 
 @dataclass(frozen=True, eq=False)
 class Exploration:
-    """Ends of fits of a model to few lines, the best one first."""
+    """Ends of fits of a model to compressed data, the best one first."""
 
     model: Model
     problem: Problem
-    """Its residuals on few lines."""
+    """Its residuals on the compressed data."""
     ends: tuple[End, ...]
     evaluations: int
     """Number of evaluations of all observations."""
 
+    @cached_property
+    def best(self) -> Fit | None:
+        """The model on all lines at the best end; None where there is none."""
+        if not self.ends:
+            return None
+        return evaluate(self.model, self.problem.named(self.ends[0].x), evaluations=self.evaluations)
+
     @property
     def chi_square(self) -> float:
-        """Smallest chi-square on few lines."""
-        return 2.0 * self.ends[0].cost if self.ends else np.inf
+        """Chi-square on all lines at the best end."""
+        return np.inf if self.best is None else self.best.chi_square
 
     @property
     def misfit(self) -> float:
-        """Smallest chi-square on few lines divided by its expectation from noise and floor."""
-        return self.chi_square / _expected_on_few_lines(self.model)
+        """Chi-square divided by its expectation from noise and floor."""
+        return np.inf if self.best is None else self.best.misfit
 
     def go_on(self, starts: Sequence[Mapping[str, float]]) -> Exploration:
-        """Return it with the best ends fitted on, as far as they differ.
-
-        Further starts, each as in `refit`, are fitted first if no end is adequate.
-        """
-        adequate = 0.5 * MISFIT_LIMIT * _expected_on_few_lines(self.model)
-        short = list(self.ends)
-        if starts and not any(end.cost <= adequate for end in short):
-            short += _short_fits(self.model, self.problem, starts)
-        found: list[End] = []
-        for end in sorted(short, key=lambda end: end.cost)[:CONTINUED_STARTS]:
-            # A start that is far behind an adequate end is not needed.
-            is_behind = bool(found) and found[0].cost <= min(adequate, end.cost - 0.5 * BEHIND)
-            if not (end.converged or is_behind):
-                end = self.problem.fit_one(end.x, EVALUATIONS_EXPLORING, least=CONVERGED)
-            found.append(end)
-        different: list[End] = []
-        for end in sorted(found, key=lambda end: end.cost):
-            if all(_differ(end.x, other.x, self.model.task) for other in different):
-                different.append(end)
-        return replace(self, ends=tuple(different), evaluations=self.problem.evaluations)
+        """Return it with the best ends fitted on, and with fits from further starts if no end is adequate."""
+        ends = list(self.ends)
+        if starts and self.misfit > MISFIT_LIMIT:
+            ends += _short_fits(self.model, self.problem, starts)
+        ends = [
+            end if end.converged else self.problem.fit_one(end.x, EVALUATIONS_EXPLORING, least=CONVERGED)
+            for end in sorted(ends, key=lambda end: end.cost)[:CONTINUED_STARTS]
+        ]
+        ends.sort(key=lambda end: end.cost)
+        return Exploration(self.model, self.problem, tuple(ends), self.problem.evaluations)
 
     def finish(self) -> Fit | None:
-        """Return the fit on all lines, from the better one there of the best end point and another nearly as good.
-
-        None is returned where the model has no value on all lines.
-        """
-        near = [end.x for end in self.ends if 2.0 * end.cost < self.chi_square + SAME_END][:2]
-        if len(near) > 1:
-            near.sort(key=self.model.problem.cost)
+        """Return the fit on all lines from the best end; None where the model has no value on all lines."""
         try:
-            return refit(self.model, self.problem.named(near[0]), evaluations=self.evaluations)
+            return refit(self.model, self.problem.named(self.ends[0].x), evaluations=self.evaluations)
         except ReceptanceError:
             return None
 
-    def evaluate(self) -> Fit:
-        """Return the model on all lines at the best end point of few lines, without a further fit."""
-        return evaluate(self.model, self.problem.named(self.ends[0].x), evaluations=self.evaluations)
 
-
-def explore(model: Model, starts: Sequence[Mapping[str, float]], *, far: bool = False) -> Exploration:
-    """Return the ends of short fits to few lines from starts, each as in `refit`.
+def explore(root: Fit, model: Model, starts: Sequence[Mapping[str, float]], *, far: bool = False) -> Exploration:
+    """Return the ends of short fits to the data, compressed about `root`, from starts, each as in `refit`.
 
     From `far` away the errors of tolerances are fitted last, because they would go to their bounds.
     """
-    problem = _problem_on_few_lines(model)
+    problem = model.task.problem(root.compress(model.observations))
     ends = sorted(_short_fits(model, problem, starts, far=far), key=lambda end: end.cost)
     return Exploration(model, problem, tuple(ends), problem.evaluations)
 
@@ -401,34 +421,5 @@ def _short_fits(
     return [end for end in ends if np.isfinite(end.cost)]
 
 
-_T = TypeVar("_T")
-
-
-def in_parallel(fits: Sequence[Callable[[], _T]], workers: int) -> Iterator[_T]:
-    """Yield the results of fits in their order; `workers` of them run at the same time."""
-    if workers == 1 or len(fits) < 2:
-        yield from (fit() for fit in fits)
-        return
-    halt = _core.Halt()
-    pool = ThreadPoolExecutor(workers, initializer=halt.join)
-    try:
-        yield from (future.result() for future in [pool.submit(fit) for fit in fits])
-    finally:
-        # After a KeyboardInterrupt running fits end at once, because the answer needs the processors.
-        halt.set()
-        pool.shutdown(wait=False, cancel_futures=True)
-
-
 def _problem_on_few_lines(model: Model) -> Problem:
     return model.task.problem(on_few_lines(model))
-
-
-def _expected_on_few_lines(model: Model) -> float:
-    """Return the expectation of chi-square on few lines from noise and floor."""
-    values = sum(one.independent_values for one in on_few_lines(model))
-    return max(values - sum(unknown.prior is None for unknown in model.unknowns), 1.0)
-
-
-def _differ(x: NDArray[np.float64], other: NDArray[np.float64], task: Task) -> bool:
-    low, high = task.variables.limits
-    return bool(np.max(np.abs(x - other) / (high - low)) > DIFFERENT_END)

@@ -16,10 +16,10 @@ from receptance.diagnosis.beside_discrepancy import use_own_discrepancies
 from receptance.diagnosis.by_mode import Bias, ModeResidual, bias_of, curve_of, modes_of, slenderness_of
 from receptance.diagnosis.causes import parameters_of, transfer
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
-from receptance.diagnosis.fitting import Fit, in_parallel, refit
+from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.judgement import conclude, is_of_one, only_improved
 from receptance.diagnosis.model import IndescribableError, Model
-from receptance.diagnosis.progress import Progress
+from receptance.diagnosis.progress import Progress, in_parallel
 from receptance.diagnosis.thresholds import EVALUATIONS_OF_PREDICTION, FOLDS
 from receptance.errors import ReceptanceError
 from receptance.fit.covariance import confidence_multiplier

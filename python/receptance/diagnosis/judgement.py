@@ -153,13 +153,15 @@ def _judge_base(selection: Selection) -> Judgement:
 def _preferred_alternative(selection: Selection, remaining: Sequence[Explanation]) -> Explanation | None:
     """Return the alternative that is preferred to all causes.
 
-    It needs more evidence than a single cause by the margin. To be preferred to several causes together it may have
-    less by the margin, because it is one change and they are several.
+    It needs more evidence than as few causes by the margin. To be preferred to more of them it may have less by the
+    margin.
     """
-    least = remaining[0].evidence + (
-        MARGIN if any(len(explanation.variants) == 1 for explanation in remaining) else -MARGIN
-    )
-    return next((one for one in selection.alternatives if one.evidence > least), None)
+    fewest = min(len(explanation.variants) for explanation in remaining)
+    for alternative in selection.alternatives:
+        is_simpler = len(alternative.variants) < fewest
+        if alternative.evidence > remaining[0].evidence + (-MARGIN if is_simpler else MARGIN):
+            return alternative
+    return None
 
 
 def _withhold(alternative: Explanation, best: Explanation) -> str:
@@ -278,8 +280,8 @@ def _adds_only(one: Explanation, other: Explanation) -> bool:
 
 
 def _describe(alternative: Explanation) -> str:
-    (variant,) = alternative.variants
-    return f"{variant.meaning} {variant.name}"
+    *causes, variant = alternative.variants
+    return " + ".join([*(cause.cause.title for cause in causes), f"{variant.meaning} {variant.name}"])
 
 
 def _in_order(remaining: Sequence[Explanation], ids: frozenset[str]) -> tuple[str, ...]:

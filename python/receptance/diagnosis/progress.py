@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from time import perf_counter
+from typing import TypeVar
+
+from receptance import _core
 
 _EXPECTED = {"base": 1, "causes": 60, "together": 18, "alternatives": 25, "held out": 0}
 """Steps of each stage until their number is known."""
@@ -12,6 +16,23 @@ _RECENT = 15
 """Number of the last steps from which the remaining time is estimated."""
 _FEWEST = 3
 """Fewest steps after which the remaining time is reported."""
+
+_T = TypeVar("_T")
+
+
+def in_parallel(fits: Sequence[Callable[[], _T]], workers: int) -> Iterator[_T]:
+    """Yield the results of fits in their order; `workers` of them run at the same time."""
+    if workers == 1 or len(fits) < 2:
+        yield from (fit() for fit in fits)
+        return
+    halt = _core.Halt()
+    pool = ThreadPoolExecutor(workers, initializer=halt.join)
+    try:
+        yield from (future.result() for future in [pool.submit(fit) for fit in fits])
+    finally:
+        # After a KeyboardInterrupt running fits end at once, because the answer needs the processors.
+        halt.set()
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
 class Progress:
@@ -49,6 +70,14 @@ class Progress:
     def plan(self, stage: str, more: int) -> None:
         """Set the number of further steps of a stage; zero ends it."""
         self._stages[stage][1] = self._stages[stage][0] + more
+
+    def run(self, stage: str, steps: Sequence[str], fits: Sequence[Callable[[], _T]], workers: int) -> Iterator[_T]:
+        """Yield the results of fits in their order, after a report of each; `workers` run at the same time."""
+        self.plan(stage, len(fits))
+        results = in_parallel(fits, workers)
+        for step in steps:
+            self(stage, step)
+            yield next(results)
 
     def __call__(self, stage: str, step: str) -> None:
         """Report the start of a step of a stage."""

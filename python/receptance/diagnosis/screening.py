@@ -7,10 +7,10 @@ evidence of a reported cause comes from its own fit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,7 +143,7 @@ def _distance(error: NDArray[np.float64], factor: NDArray[np.inexact]) -> float:
 def directions(fit: Fit, extensions: Sequence[tuple[Variant, Model]], threads: int | None = 1) -> list[Direction]:
     """Return the linear effect on a fit of each variant, with its model; `threads` as in `Assembly.receptance`."""
     basis = fit.basis
-    rest = fit.residual - basis @ (basis.T @ fit.residual)
+    rest = fit.compressed_residual - basis @ (basis.T @ fit.compressed_residual)
     before = {unknown.name for unknown in fit.model.unknowns}
     parameters = [parameters_of(u for u in model.unknowns if u.name not in before) for _, model in extensions]
     seen = [
@@ -253,44 +253,6 @@ def in_common_basis(found: Sequence[Direction]) -> list[Direction]:
     return [replace(one, slopes=coordinate) for one, coordinate in zip(found, coordinates, strict=True)]
 
 
-def coordinates_of(
-    residual: NDArray[np.float64], found: Sequence[Direction], small: Sequence[Direction]
-) -> NDArray[np.float64]:
-    """Return residuals in the basis of `small`, which are the directions `found` in their common basis."""
-    products = np.concatenate([one.slopes.T @ residual for one in found])
-    together = np.hstack([one.slopes for one in small])
-    # The derivatives have different units.
-    norms = np.linalg.norm(together, axis=0)
-    coordinates: NDArray[np.float64] = np.linalg.lstsq((together / norms).T, products / norms, rcond=DEPENDENT)[0]
-    return coordinates
-
-
-def scores_beside(first: Direction, others: Sequence[Direction], rest: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the predicted decrease of chi-square by each of some variants beside a first one, to first order.
-
-    Parameters
-    ----------
-    first : Direction
-        The variant that is fitted already.
-    others : sequence of Direction
-        The other ones.
-    rest : ndarray
-        The residuals of the fit without any of them, in the coordinates of the directions: see `coordinates_of`.
-    """
-    basis = first.basis
-
-    def left(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return values - basis @ (basis.T @ values)
-
-    after = left(rest)
-    found = np.zeros(len(others))
-    for i, other in enumerate(others):
-        if other.slopes.shape[1]:
-            vectors, sizes, _ = np.linalg.svd(left(other.basis), full_matrices=False)
-            found[i] = np.sum(np.square(after @ vectors[:, sizes > DEPENDENT]))
-    return found
-
-
 def detection_threshold(
     found: Sequence[Direction],
     penalty: float,
@@ -359,3 +321,14 @@ def rank(found: Sequence[Direction], penalty: float) -> list[Direction]:
         if one.far or counts[one.cause.id] <= VARIANTS_FITTED:
             chosen.append(one)
     return chosen
+
+
+_T = TypeVar("_T")
+
+
+def first_of_each(items: Sequence[_T], key: Callable[[_T], Hashable]) -> list[_T]:
+    """Return the first of the items with the same key, in their order."""
+    first: dict[Hashable, _T] = {}
+    for item in items:
+        first.setdefault(key(item), item)
+    return list(first.values())

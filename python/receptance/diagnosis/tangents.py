@@ -56,6 +56,8 @@ class _Own(NamedTuple):
 def slopes_of(fit: Fit, models: Sequence[Model], threads: int | None = 1) -> list[NDArray[np.float64] | None]:
     """Return the derivatives of the observed residuals with respect to the own unknowns of each model, `(n, k)`.
 
+    The residuals are those of the data compressed about the fit, `Fit.compressed_problem`.
+
     Parameters
     ----------
     fit : Fit
@@ -154,7 +156,7 @@ class _VariantGroup:
                 joined[key] = _join(own.addresses, present, copies if added else places)
             mappings.append(joined[key])
         try:
-            slopes = slopes_at(observations, mappings, base.task.units, self._threads)
+            slopes = slopes_at(self._fit.compress(observations), mappings, base.task.units, self._threads)
         except InfeasibleError:
             if len(batch) == 1:
                 yield batch[0].number, None

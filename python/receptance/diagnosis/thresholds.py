@@ -11,17 +11,14 @@ import math
 # Lines of measured receptances.
 
 EXPLORING_LINES = 120
-"""Lines of each receptance while starts of fits are compared."""
+"""Lines of each receptance of the first fits of the base."""
+BLOCKS = 120
+"""Blocks of each receptance, about, in the data that are compressed about a fit."""
 
 # Fits.
 
 TIE = 0.01
 """Difference of evidence below which two explanations are equal: fits end within less than this of their optimum."""
-SAME_END = 4.0
-"""Difference of chi-square on few lines below which two end points are compared on all lines, and the better one is
-fitted on."""
-DIFFERENT_END = 1e-2
-"""Distance of two end points, as a share of the range of a variable, from which they count as different."""
 EVALUATIONS = 100
 """Most evaluations of a fit on all lines."""
 EVALUATIONS_OF_BASE = 200
@@ -57,9 +54,6 @@ CHANCE_DRAWS = 20000
 """Draws of residuals for the detection threshold."""
 VARIANTS_FITTED = 3
 """Variants of each cause that are fitted, the highest predicted evidence first."""
-VARIANTS_AGAIN = 12
-"""Other variants of the best cause that are fitted from its values where it is not adequate: all those of a joint along
-the insertion."""
 PREDICTED_SHARE = 0.1
 """Share of the highest predicted evidence below which a variant is not fitted, where predictions are reliable."""
 COLUMNS_TOGETHER = 64
@@ -89,8 +83,6 @@ SCREENING_LIMIT = 20.0
 KEPT_ON_INTERRUPT = 3
 """Causes that are evaluated on all lines when a selection is interrupted before their fits, and candidates of the
 answer: each needs its look-alikes and intervals."""
-FINISHED = 3
-"""Look-alikes of the best cause, and alternatives, that are fitted on all lines."""
 LEADING_CAUSES = 4
 """Causes whose best variant is fitted on all lines in any case where the model without them is not adequate."""
 BEHIND = 60.0
@@ -98,6 +90,10 @@ BEHIND_SHARE = 0.3
 """An explanation is only evaluated on all lines if its chi-square on few lines exceeds the best one by more than
 BEHIND plus this share of the gain of the best one. By the same rule on all lines no cause is added to it, and on the
 other configurations it is left out of a fold."""
+
+CONTINUED_SHARE = 1.0 / 3.0
+LEAST_CONTINUED = 12
+"""Share of the rivals of a race, and least number of them, that get further starts after the short fits."""
 
 # Alternatives that are not causes.
 

@@ -10,14 +10,19 @@ the spindle eliminated line by line (`coupling.spindle_elimination`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from receptance.coupling.spindle_elimination import SpindleRecords
 from receptance.coupling.unknown_modes import ModeChoice
-from receptance.diagnosis.causes import Variant, parameters_of
-from receptance.diagnosis.fitting import Fit, fit_base, refit
+from receptance.diagnosis.causes import Cause, Variant, parameters_of
+from receptance.diagnosis.explanation import Explanation, Selection
+from receptance.diagnosis.fitting import Fit, evaluate, fit_base, fit_or_none, refit
 from receptance.diagnosis.model import Model
+from receptance.diagnosis.progress import Progress
+from receptance.diagnosis.screening import first_of_each, list_variants
+from receptance.diagnosis.thresholds import LEADING_CAUSES, LEAST_SHARE, MARGIN
 from receptance.errors import ReceptanceError
 from receptance.fit.unknowns import Unknown
 from receptance.model.terminals import MODE_ADDRESS
@@ -126,3 +131,78 @@ def fit_with_modes(model: Model, variant: Variant, before: Fit, choose: ChooseMo
         tolerances=tuple(replace(tolerance, start=starts.get(tolerance.name, 0.0)) for tolerance in model.tolerances),
     )
     return without, refit(variant.apply(without), fit.values, evaluations=fit.evaluations)
+
+
+def unstrained(base: Fit, model: Model, choose: ChooseModes) -> Fit:
+    """Return the base with other modes if it explains all lines with strained tolerances, and these do not."""
+    if not base.adequacy.of_lines or base.adequacy.strain.passed:
+        return base
+    _, fit = fit_unstrained(replace(model, threads=1), choose)
+    return fit if fit.adequacy.passed else base
+
+
+def lead_with_any_spindle(
+    selection: Selection, causes: Sequence[Cause], progress: Progress
+) -> list[tuple[Variant, Fit]]:
+    """Return the causes that take most of the misfit whatever the spindle is, each with its sizes."""
+    base = selection.base
+    without = with_any_spindle(base.model)
+    if without is None:
+        return []
+    extensions, _ = list_variants(base, causes)
+    # A change of the data has no start near that of the data as they are.
+    fits = [
+        partial(with_any_spindle, model, None if variant.cause.changes_data else without)
+        for variant, model in extensions
+    ]
+    titles = [f"{variant.cause.title}, {variant.name}, whatever the spindle is" for variant, _ in extensions]
+    least = LEAST_SHARE * (without.chi_square - without.expected)
+    gains: list[tuple[float, Variant, Fit]] = []
+    ends = progress.run("causes", titles, fits, selection.workers)
+    for (variant, model), end in zip(extensions, ends, strict=True):
+        if end is None or without.chi_square - end.chi_square < least:
+            continue
+        count = sum(parameter.penalised for parameter in parameters_of(model.unknowns).values())
+        gain = without.chi_square - end.chi_square - selection.penalty * count
+        gains.append((gain, variant, evaluate(model, {**base.values, **end.values})))
+    gains.sort(key=lambda each: -each[0])
+    leading = first_of_each(gains, lambda each: each[1].cause.id)
+    return [(variant, fit) for _, variant, fit in leading[:LEADING_CAUSES]]
+
+
+def beside_modes(
+    selection: Selection,
+    model: Model,
+    candidates: Sequence[tuple[Variant, Fit]],
+    choose: ChooseModes,
+    progress: Progress,
+) -> tuple[Model, Explanation] | None:
+    """Return a model with modes chosen beside the best of some causes, and this cause.
+
+    They are tried until one explains all lines. The modes with the least chi-square, with a penalty for each unknown,
+    are used if it is less than that of the base and of the causes beside its modes, else None is returned.
+    """
+
+    def size(fit: Fit) -> float:
+        return fit.chi_square + selection.penalty * fit.task.parameters.count
+
+    on_one_thread = replace(model, threads=1)
+    fits = [
+        partial(fit_or_none, partial(fit_with_modes, on_one_thread, variant, before, choose))
+        for variant, before in candidates
+    ]
+    titles = [f"{variant.cause.title}, with modes chosen beside it" for variant, _ in candidates]
+    least = min(size(before) for before in (selection.base, *(fit for _, fit in candidates))) - MARGIN
+    best: tuple[Model, Explanation] | None = None
+    pairs = progress.run("together", titles, fits, selection.workers)
+    for (variant, _), pair in zip(candidates, pairs, strict=True):
+        if pair is None:
+            continue
+        without, fit = pair
+        if size(fit) < least:
+            least = size(fit)
+            best = replace(without, threads=model.threads), selection.explain((variant,), fit)
+            # Tolerances may be strained by the modes, and not by the cause.
+            if best[1].adequacy.of_lines:
+                break
+    return best
