@@ -16,6 +16,7 @@ from receptance.diagnosis import CATALOGUE, Cause, Variant
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
+from receptance.diagnosis.truncation import ALL_RECORDS
 from receptance.fit.observation import altered
 from receptance.fit.unknowns import Law
 from receptance.io import read_frf, write
@@ -193,8 +194,8 @@ def test_held_out_records_have_their_own_end(tmp_path: Path) -> None:
     write(tmp_path / "data" / "longest.csv", FRF(frequency_hz=lines, values=values))
     verdict = campaign.load(read.file).diagnose(["coarse_resolution", "exponential_window"])
     assert [one.id for one in verdict.causes] == ["coarse_resolution"]
-    assert verdict.selection.base.model.truncation == pytest.approx(0.071, abs=2e-3)
-    assert verdict.held_out.truncation is None
+    assert verdict.selection.base.model.ends[ALL_RECORDS] == pytest.approx(0.071, abs=2e-3)
+    assert "longest" not in verdict.held_out.ends
     assert verdict.gains[0].held_out_after < 0.02
 
 
