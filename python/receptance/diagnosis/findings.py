@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Self
 
 import numpy as np
@@ -21,6 +21,7 @@ from receptance.diagnosis.wording import sizes, title_of
 from receptance.errors import ReceptanceError
 from receptance.fit.adequacy import Adequacy
 from receptance.fit.discrepancy import Discrepancy
+from receptance.fit.likelihood import interval_within_bounds
 from receptance.fit.parameters import Site
 from receptance.fit.result import Identification
 from receptance.fit.unknowns import Tolerance
@@ -69,8 +70,9 @@ class CandidateCause:
     def parameters(self) -> dict[str, tuple[float, float, float]]:
         """Value, lower and upper end of the 95 % interval of each parameter, in SI units."""
         # Most causes are far behind, and their intervals take as long as a fit.
-        found = self.explanation.fit.identification
-        return {name: (found.values[name], *found.interval(name)) for name in self.declared}
+        fit = self.explanation.fit.identification
+        interval = partial(interval_within_bounds, fit) if self.evidence > 0.0 else fit.interval
+        return {name: (fit.values[name], *interval(name)) for name in self.declared}
 
     @property
     def sizes(self) -> str:
@@ -168,17 +170,10 @@ class Findings:
     @cached_property
     def base(self) -> Identification:
         """The fitted base as `identify` states it: where it is not adequate, its intervals include the discrepancy."""
-        fit, discrepancy = self.base_fit, self.discrepancy
-        if discrepancy is None and not self.adequacy.passed and fit.converged:
-            try:
-                found = sufficient(fit_discrepancy(fit.model.resonant(), fit.values))
-            except ReceptanceError:
-                return fit.identification
-            fit, discrepancy = found.fit, found.discrepancy
-        identification = fit.identification
-        if discrepancy is None:
-            return identification
-        return replace(identification, task=replace(identification.task, discrepancy=discrepancy))
+        if self.discrepancy is None:
+            return _judged(self.base_fit)
+        identification = self.base_fit.identification
+        return replace(identification, task=replace(identification.task, discrepancy=self.discrepancy))
 
     @property
     def extended(self) -> Identification | None:
@@ -243,6 +238,13 @@ class Findings:
             held_out_modes_after=found.modes_after,
         )
 
+    @cached_property
+    def _predicting(self) -> Identification:
+        """The fit of the predictions: of the best of the reported explanations, or of the base."""
+        if self.explanation is None:
+            return self.base
+        return _judged(self.explanation.fit) if self.discrepancy is None else self.explanation.fit.identification
+
     def at(
         self,
         assembly: Assembly,
@@ -262,7 +264,7 @@ class Findings:
         AveragedAssembly
             With the attribute `assembly` and the method `natural_frequencies`.
         """
-        left, identified = self.discrepancy_after or self.discrepancy, self.extended or self.base
+        left, identified = self.discrepancy_after or self.discrepancy, self._predicting
         relative = np.inf if self.verdict == "unexplained" else 0.0
         if identified.discrepancy is not None:
             left, relative = None, 0.0  # its predictions have the discrepancy
@@ -314,3 +316,15 @@ class Findings:
     def modes_after(self) -> tuple[ModeResidual, ...]:
         """Residuals of the best of the reported explanations by mode; empty where none is, and as `modes`."""
         return residuals_by_mode(self.explanation.fit) if self.final and self.explanation is not None else ()
+
+
+def _judged(fit: Fit) -> Identification:
+    """Return a fit as `identify` states it: it allows for a discrepancy where its data do not show that it has none."""
+    if fit.adequacy.needs_discrepancy and fit.converged:
+        try:
+            found = sufficient(fit_discrepancy(fit.model.resonant(), fit.values))
+        except ReceptanceError:
+            return fit.identification
+        identification = found.fit.identification
+        return replace(identification, task=replace(identification.task, discrepancy=found.discrepancy))
+    return fit.identification
