@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Literal
@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from receptance._text import join_names
-from receptance.diagnosis.causes import Cause, Parameter, Variant
+from receptance.diagnosis.causes import Cause, CauseMove, Parameter, Variant
 from receptance.diagnosis.model import (
     IndescribableError,
     Model,
@@ -32,6 +32,7 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.fit.observation import Observation, altered
 from receptance.fit.parameters import DECAY_RATES, DELAY, END, LOG_GAIN
+from receptance.fit.unknowns import Prior
 from receptance.model.addresses import QUANTITIES
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring, PointMass
@@ -147,16 +148,27 @@ def _move_hits(distance: Parameter, place: tuple[str, float], side: float, model
     is beside it, on either side.
     """
     part, at = place[0], place[1] + side
-    fixed = _fixed_places(model, place)
+    divided, moved = _slide(distance, model, part, at, _fixed_places(model, place), side)
+    return divided.map(partial(_hit_at, place, at)).plus(moved)
+
+
+def _slide(
+    distance: Parameter, model: Model, part: str, at: float, fixed: Iterable[float], side: float
+) -> tuple[Model, CauseMove]:
+    """Return the model with a step of a part at a place, and the unknown that moves the step along the part.
+
+    The step may not pass a fixed place. It moves to one side only where it is beside one, at a distance of `side`.
+    """
+    fixed = sorted(fixed)
     below = max((x for x in fixed if x < at - HIT_BOUND), default=0.0)
     above = min((x for x in fixed if x > at + HIT_BOUND), default=math.inf)
     lower = 0.0 if side > 0.0 else max(distance.lower, below - at + HIT_STEP)
     upper = 0.0 if side < 0.0 else min(distance.upper, above - at - HIT_STEP)
     if lower >= upper:
-        raise IndescribableError(f"the hits on {part} at {1e3 * place[1]:g} mm have no room to be moved")
+        raise IndescribableError(f"there is no room on {part} at {1e3 * (at - side):g} mm to be moved")
     divided, index = model.split(part, at)
     lengths = {f"{part}.segment[{index - 1}].length": 1.0, f"{part}.segment[{index}].length": -1.0}
-    return divided.map(partial(_hit_at, place, at)).plus(distance.move(lengths, lower=lower, upper=upper))
+    return divided, distance.move(lengths, lower=lower, upper=upper)
 
 
 def _hit_at(place: tuple[str, float], at: float, observation: Observation) -> Observation:
@@ -220,10 +232,17 @@ def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     what = "holder" if model.joints else "structure"
     for share in SUSPENSION_PLACES:
-        name = f"at {100 * share:.0f} % of the {what}"
-        yield Variant(name, partial(_hang, share, p["stiffness"]))
+        # Held-out data are changed in the same way, so it is decided here whether the rope is at a place or near it.
+        try:
+            model.with_change(_step_for_rope, share, p["shift"])
+            shift, near = p["shift"], "near"
+        except IndescribableError:
+            shift, near = None, "at"
+        name = f"{near} {100 * share:.0f} % of the {what}"
+        hang = partial(_hang, share, shift, p["stiffness"])
+        yield Variant(name, hang)
         # Without the damping of a rope another cause would explain its loss.
-        yield Variant(f"{name}, with a loss", partial(_hang, share, p["stiffness"], damping=p["damping"]))
+        yield Variant(f"{name}, with a loss", partial(hang, damping=p["damping"]))
 
 
 def _hanging(model: Model) -> dict[str, float]:
@@ -237,12 +256,42 @@ def _hanging(model: Model) -> dict[str, float]:
     return {name: model.parts(name)[0].length for name in hanging.pop()}
 
 
-def _hang(share: float, stiffness: Parameter, model: Model, damping: Parameter | None = None) -> Model:
-    """Return the model on a rope at a share of the length of the parts that hang."""
-    part, position = _at(_hanging(model), share)
+def _hang(
+    share: float, shift: Parameter | None, stiffness: Parameter, model: Model, damping: Parameter | None = None
+) -> Model:
+    """Return the model on a rope at a share of the length of the parts that hang, or shifted from there."""
+    if shift is None:
+        moved: tuple[CauseMove, ...] = ()
+        part, position = _at(_hanging(model), share)
+    else:
+        model, part, position, place = model.with_change(_step_for_rope, share, shift)
+        moved = (place,)
     spring = GroundSpring(part=part, position=position, name="cause_rope")
     hung = model.with_change(Model.attach, spring).plus(stiffness.unknown("cause_rope.k_y"))
-    return hung if damping is None else hung.plus(damping.unknown("cause_rope.c_y"))
+    if damping is not None:
+        hung = hung.plus(damping.unknown("cause_rope.c_y"))
+    return hung.plus(*moved)
+
+
+def _step_for_rope(model: Model, share: float, shift: Parameter) -> tuple[Model, str, float, CauseMove]:
+    """Return the model with a step at a share of the parts that hang, its place, and the unknown that moves it.
+
+    It moves at most to its neighbours in the grid of places.
+    """
+    lengths = _hanging(model)
+    part, position = _at(lengths, share)
+    if position == "end":
+        # Errors of the length act behind the step, where there is nothing left for them.
+        raise IndescribableError(f"a step at the far end of {part} cannot be moved")
+    fixed = {0.0, lengths[part], *model.places(part), *model.steps(part)}
+    side = HIT_STEP if any(abs(x - position) < HIT_BOUND for x in fixed) else 0.0
+    at = position + side
+    reach = sum(lengths.values()) / (len(SUSPENSION_PLACES) - 1)
+    # All places are about equally likely: the priors of neighbours add up to a nearly constant density.
+    prior = Prior(mean=0.0, standard_deviation=0.5 * reach)
+    limited = replace(shift, lower=-reach, upper=reach, prior=prior)
+    divided, place = _slide(limited, model, part, at, fixed, side)
+    return divided, part, at, place
 
 
 def _at(lengths: Mapping[str, float], share: float) -> tuple[str, float | Literal["end"]]:
@@ -423,6 +472,7 @@ MEASUREMENT_CAUSES = (
         parameters=(
             Parameter(name="stiffness", unit="N/m", lower=0.0, upper=1e8, typical=1e4, plausible=(0.0, 1e6)),
             Parameter(name="damping", unit="N s/m", lower=0.0, upper=1e5, typical=1.0, plausible=(0.0, 1e3)),
+            Parameter(name="shift", unit="m", lower=-0.2, upper=0.2, typical=0.0, secondary=True),
         ),
         change=_suspension,
         meaning="the suspension is not soft enough to count as free",

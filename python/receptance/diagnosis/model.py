@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 from receptance.diagnosis.truncation import truncation_time
 from receptance.fit.discrepancy import Discrepancy
@@ -22,6 +22,7 @@ from receptance.model.beams import Part
 from receptance.model.joints import GroundSpring, PointJoint, PointMass, Resonator
 from receptance.model.terminals import MODE_ADDRESS
 
+_Changed = TypeVar("_Changed")
 SPRING_TERMS = tuple(field for field in PointJoint.columns_of if field != "loss_factor")
 """Stiffnesses and dampings of a spring."""
 _SEGMENT = re.compile(r"(\w+)\.segment\[(\d+)\]\.(.+)")
@@ -269,17 +270,18 @@ class Model:
             tolerances=tuple(t for t in self.tolerances if observed(tuple(t.moves), t.configurations, t.labels)),
         )
 
-    def with_change(self, change: Callable[..., Model], *arguments: Hashable) -> Model:
+    def with_change(self, change: Callable[..., _Changed], *arguments: Hashable) -> _Changed:
         """Return `change(model, *arguments)`, the same model each time.
 
         Variants that share a change share its model, which is then prepared and evaluated once.
         """
         if (change, arguments) not in self._changed:
             self._changed[change, arguments] = change(self, *arguments)
-        return self._changed[change, arguments]
+        changed: _Changed = self._changed[change, arguments]
+        return changed
 
     @cached_property
-    def _changed(self) -> dict[tuple[Callable[..., Model], tuple[Hashable, ...]], Model]:
+    def _changed(self) -> dict[tuple[Callable[..., Any], tuple[Hashable, ...]], Any]:
         return {}
 
     def rebuild(self, build: Callable[[Assembly], Assembly]) -> Model:
