@@ -1,10 +1,12 @@
 """Effects hidden in real measurements: `python benches/real.py --cases N --seed S [--jobs N] [--only NAME ...]
-[--json FILE] [--shard i/n] [--resume FILE] [--budget MIN]`.
+[--json FILE] [--shard i/n] [--resume FILE] [--budget MIN]`, `--plain`, `--coverage`.
 
 Adds an effect exactly to measured FRFs (nothing in a third of the cases), runs the diagnosis, compares it with the
 truth and prints the score table, with exact binomial intervals. The measured files are those of others and are read in
 `../shared/measured` beside the checkout; what is absent is skipped with a message. Structures, effects and the rule of
 the score are described in `tests/real`. `--plain` prints what the models leave with nothing hidden, and runs no case.
+`--coverage` prints how often the 95 % intervals of `transfer` and of verdicts hold natural frequencies and lines that
+were not fitted, see `real.coverage`; it runs no case either.
 `--only` keeps some structures and effects, for example `--only sensor_mass nothing`. Cases, files and budgets are those
 of `benches/blind.py`.
 """
@@ -31,6 +33,8 @@ from blind.files import add_options, append, read, run_batch
 from blind.outcome import Outcome
 from real.bridge import ask, fit
 from real.cases import ANSWERS, DRIVE, PLAN, available, plan
+from real.coverage import measure, measure_verdicts, trials
+from real.coverage import table as coverage_table
 from real.discrepancy import describe, text
 from real.outcome import run_case
 from real.score import report, table
@@ -53,7 +57,16 @@ def main(arguments: list[str] | None = None) -> int:
         help="structures and effects, or nothing",
     )
     parser.add_argument("--plain", action="store_true", help="what the plain models leave of the records; no case")
+    parser.add_argument("--coverage", action="store_true", help="coverage of predictions; no case")
     options = parser.parse_args(arguments)
+    if options.coverage:
+        coverages = []
+        for trial in trials():
+            coverages.append(measure(trial))
+            if trial.diagnosed:
+                coverages.append(measure_verdicts(trial))
+        sys.stdout.write(f"{coverage_table(coverages)}\n" if coverages else f"{ABSENT}\n")
+        return 0
     if options.plain:
         for structure, left_out in (("modelab", ()), ("modelab", (DRIVE,)), ("brake_reuss", ())):
             found = text(describe(structure, left_out)) if available(structure) else f"{structure}: {ABSENT}"

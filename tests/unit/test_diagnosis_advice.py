@@ -166,7 +166,7 @@ def test_indistinguishable_losses_are_listed(selection: Selection) -> None:
     for cause, name in (
         ("joint_hysteretic_loss", "all stiffnesses"),
         ("exponential_window", "on accelerations"),
-        ("suspension", "at 100 % of the holder, with a loss"),
+        ("suspension", "near 100 % of the holder, with a loss"),
     ):
         variant = variant_of(model, cause, name)
         start = {"suspension.stiffness": 2e4, "suspension.damping": 20.0, "exponential_window.decay_rate": 2.0}

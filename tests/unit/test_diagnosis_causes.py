@@ -123,7 +123,7 @@ def test_a_structure_without_a_joint_has_a_suspension_and_a_sensor_in_proportion
         assert mass.plausible == pytest.approx((0.0, largest))
         assert mass.upper >= 0.2
         ((first, hung), (second, _), *_) = CATALOGUE["suspension"].extensions(model)
-        assert [first.name, second.name] == ["at 0 % of the structure", "at 0 % of the structure, with a loss"]
+        assert [first.name, second.name] == ["near 0 % of the structure", "near 0 % of the structure, with a loss"]
         assert hung.observations[0].assembly.get("cause_rope.k_y") == 0.0
 
 

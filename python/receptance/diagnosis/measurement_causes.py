@@ -36,6 +36,7 @@ from receptance.diagnosis.thresholds import (
 from receptance.diagnosis.truncation import ALL_RECORDS
 from receptance.fit.observation import Observation, altered
 from receptance.fit.parameters import DECAY_RATES, DELAY, END, LOG_GAIN
+from receptance.fit.unknowns import Prior
 from receptance.model.addresses import QUANTITIES, edges_of
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring, PointMass
@@ -240,15 +241,16 @@ def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     what = "holder" if model.joints else "structure"
+    hang = partial(_hang, p["stiffness"], p["distance"])
     for share in SUSPENSION_PLACES:
-        name = f"at {100 * share:.0f} % of the {what}"
-        yield Variant(name, partial(_hang, (share,), p["stiffness"]))
+        name = f"near {100 * share:.0f} % of the {what}"
+        yield Variant(name, partial(hang, (share,)))
         # Without the damping of a rope another cause would explain its loss.
-        yield Variant(f"{name}, with a loss", partial(_hang, (share,), p["stiffness"], damping=p["damping"]))
-    # The ends of a part are no places from which a rope can move.
+        yield Variant(f"{name}, with a loss", partial(hang, (share,), damping=p["damping"]))
+    # Ropes at the ends cannot move, and act on a stiff holder as two others between them do.
     for pair in combinations(SUSPENSION_PLACES[1:-1], 2):
         name = f"near {100 * pair[0]:.0f} % and {100 * pair[1]:.0f} % of the {what}, with a loss"
-        yield Variant(name, partial(_hang, pair, p["stiffness"], damping=p["damping"], distance=p["distance"]))
+        yield Variant(name, partial(hang, pair, damping=p["damping"]))
 
 
 def _hanging(model: Model) -> dict[str, float]:
@@ -263,24 +265,28 @@ def _hanging(model: Model) -> dict[str, float]:
 
 
 def _hang(
-    shares: Sequence[float],
     stiffness: Parameter,
+    distance: Parameter,
+    shares: Sequence[float],
     model: Model,
     damping: Parameter | None = None,
-    distance: Parameter | None = None,
 ) -> Model:
     """Return the model on ropes near shares of the length of the parts that hang; they have one damping."""
-    places = tuple(_at(_hanging(model), share) for share in shares)
+    lengths = _hanging(model)
+    places = tuple(_at(lengths, share) for share in shares)
     hung = model.with_change(_with_ropes, places)
+    reach = sum(lengths.values()) / (len(SUSPENSION_PLACES) - 1)
     for i, place in enumerate(places):
         part = f"of rope {i + 1}" if len(places) > 1 else ""
         hung = hung.plus(stiffness.unknown(f"{_rope(i)}.k_y", part=part))
-        room = _room(model, place, places) if distance is not None and place[1] != "end" else 0.0
-        if distance is not None and room > 0.0:
-            # The place is a step between two segments of one section, which the parameter moves.
+        lower, upper = _room(model, place, places)
+        if lower < upper:
+            # The place is a step between two segments of one section, which the parameter moves. All places are about
+            # equally likely: the priors of neighbouring variants add up to a nearly constant density.
             index = int(np.argmin(np.abs(np.subtract(edges_of(hung.parts(place[0])[0]), float(place[1])))))
-            lengths = {f"{place[0]}.segment[{index - 1}].length": 1.0, f"{place[0]}.segment[{index}].length": -1.0}
-            hung = hung.plus(distance.move(lengths, part=part, lower=-room, upper=room))
+            moves = {f"{place[0]}.segment[{index - 1}].length": 1.0, f"{place[0]}.segment[{index}].length": -1.0}
+            limited = replace(distance, prior=Prior(mean=0.0, standard_deviation=0.5 * reach))
+            hung = hung.plus(limited.move(moves, part=part, lower=max(lower, -reach), upper=min(upper, reach)))
     if damping is None:
         return hung
     return hung.plus(damping.unknown(f"{_rope(0)}.c_y", also={f"{_rope(i)}.c_y": 1.0 for i in range(1, len(places))}))
@@ -292,19 +298,27 @@ def _rope(number: int) -> str:
 
 def _with_ropes(model: Model, places: Sequence[Place]) -> Model:
     """Return the model with springs at places, each on a step between segments where it may move."""
-    for place in places if len(places) > 1 else ():
-        if place[1] != "end" and _room(model, place, places) > 0.0:
+    for place in places:
+        if _room(model, place, places) != (0.0, 0.0):
             model, _ = model.split(place[0], float(place[1]))
     ropes = [GroundSpring(part=part, position=position, name=_rope(i)) for i, (part, position) in enumerate(places)]
     return model.attach(*ropes)
 
 
-def _room(model: Model, place: Place, places: Sequence[Place]) -> float:
-    """Return the distance by which a rope may move either way before it meets a step, a place or another rope."""
+def _room(model: Model, place: Place, places: Sequence[Place]) -> tuple[float, float]:
+    """Return how far a rope may move towards the tip and away from it before it meets a step, a place or another rope.
+
+    A rope at the end of a part, or at a fixed place, stays there.
+    """
     part, position = place
-    others = [0.5 * (float(position) + float(at)) for owner, at in places if owner == part and "end" != at != position]
-    fixed = [*model.steps(part), *model.places(part), 0.0, model.parts(part)[0].length]
-    return SHORTENED * min(abs(float(position) - x) for x in (*fixed, *others))
+    if position == "end":
+        return 0.0, 0.0
+    others = [0.5 * (position + at) for owner, at in places if owner == part and at != position and at != "end"]
+    fixed = [*model.steps(part), *model.places(part), 0.0, model.parts(part)[0].length, *others]
+    distances = [x - position for x in fixed]
+    if min(map(abs, distances)) < HIT_BOUND:
+        return 0.0, 0.0
+    return SHORTENED * max(x for x in distances if x < 0.0), SHORTENED * min(x for x in distances if x > 0.0)
 
 
 def _at(lengths: Mapping[str, float], share: float) -> Place:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from receptance.diagnosis.thresholds import KEPT_ON_INTERRUPT, LISTED, MARGIN
 from receptance.errors import ReceptanceError
 from receptance.fit.adequacy import Adequacy
 from receptance.fit.discrepancy import Discrepancy
+from receptance.fit.likelihood import interval_within_bounds
 from receptance.fit.parameters import Site
 from receptance.fit.result import Identification
 from receptance.fit.unknowns import Tolerance
@@ -81,7 +82,8 @@ class CandidateCause:
         # Most causes are far behind, and their intervals take as long as a fit.
         fit, parameters = self.explanation.fit.identification, self.explanation.parameters
         names = (name for name, parameter in parameters.items() if parameter.cause == self.id)
-        return {name: (fit.values[name], *fit.interval(name)) for name in names}
+        interval = partial(interval_within_bounds, fit) if self.evidence > 0.0 else fit.interval
+        return {name: (fit.values[name], *interval(name)) for name in names}
 
     @property
     def sizes(self) -> str:
@@ -271,22 +273,23 @@ class Verdict(Result):
     @cached_property
     def base(self) -> Identification:
         """The fitted base as `identify` states it: where it is not adequate, its intervals include the discrepancy."""
-        fit, discrepancy = self.base_fit, self.discrepancy
-        if discrepancy is None and not self.adequacy.passed and fit.converged:
-            try:
-                widened = sufficient(fit_discrepancy(fit.model.resonant(), fit.values))
-            except ReceptanceError:
-                return fit.identification
-            fit, discrepancy = widened.fit, widened.discrepancy
-        identification = fit.identification
-        if discrepancy is None:
-            return identification
-        return replace(identification, task=replace(identification.task, discrepancy=discrepancy))
+        if self.discrepancy is None:
+            return _allowing_for_discrepancy(self.base_fit)
+        identification = self.base_fit.identification
+        return replace(identification, task=replace(identification.task, discrepancy=self.discrepancy))
 
     @property
     def extended(self) -> Identification | None:
         """The fitted model of the best of the reported explanations; None where no cause is reported."""
         return None if self.explanation is None else self.explanation.fit.identification
+
+    @cached_property
+    def _predicting(self) -> Identification:
+        """The fit of the predictions: of the best of the reported explanations, or of the base."""
+        if self.explanation is None:
+            return self.base
+        fit = self.explanation.fit
+        return _allowing_for_discrepancy(fit) if self.discrepancy is None else fit.identification
 
     def at(
         self,
@@ -307,7 +310,7 @@ class Verdict(Result):
         AveragedAssembly
             With the attribute `assembly` and the method `natural_frequencies`.
         """
-        left, identified = self.discrepancy_after or self.discrepancy, self.extended or self.base
+        left, identified = self.discrepancy_after or self.discrepancy, self._predicting
         relative = np.inf if self.verdict == "unexplained" else 0.0
         if identified.discrepancy is not None:
             left, relative = None, 0.0  # its predictions have the discrepancy
@@ -428,3 +431,15 @@ def _candidate(selection: Selection, explanation: Explanation, variant: Variant)
         meaning=variant.meaning,
         remedy=(fit.model.in_spindle and cause.remedy_in_spindle) or variant.remedy,
     )
+
+
+def _allowing_for_discrepancy(fit: Fit) -> Identification:
+    """Return a fit as `identify` states it: with a discrepancy where its data do not show that it has none."""
+    if fit.adequacy.needs_discrepancy and fit.converged:
+        try:
+            widened = sufficient(fit_discrepancy(fit.model.resonant(), fit.values))
+        except ReceptanceError:
+            return fit.identification
+        identification = widened.fit.identification
+        return replace(identification, task=replace(identification.task, discrepancy=widened.discrepancy))
+    return fit.identification

@@ -107,6 +107,11 @@ class Adequacy:
         return self.of_lines and self.strain.passed
 
     @property
+    def needs_discrepancy(self) -> bool:
+        """Whether predictions allow for an error of the model: it does not pass, or only because the data are few."""
+        return not self.passed or self.misfit > MISFIT_LIMIT
+
+    @property
     def of_lines(self) -> bool:
         """Whether noise and floor explain the residuals, with any errors of the tolerances."""
         return self.misfit <= self.limit and self.smooth <= self.smooth_limit

@@ -14,7 +14,7 @@ from scipy import special
 from receptance import _checks
 from receptance._text import first_of
 from receptance.errors import ReceptanceError, warn_user
-from receptance.fit.adequacy import Adequacy, adequacy_of, misfit_limit, strain_of
+from receptance.fit.adequacy import Adequacy, adequacy_of, misfit_limit, strain_of, times
 from receptance.fit.covariance import covariance_of, variance_factor
 from receptance.fit.discrepancy import Discrepancy
 from receptance.fit.discrepancy_fit import EVALUATIONS, DiscrepancyFit, expected_chi_square, fit_discrepancy, sufficient
@@ -225,10 +225,12 @@ def identify(
 def _judged(fit: Identification, tolerance: float) -> Identification:
     """Return a fit with an adequate model, or the fit repeated with the discrepancy of its model.
 
-    Fits that allow for a discrepancy have fewer local minima: the fit without it is tried again from their end.
+    Few data reject no model, and say as little against an error of a few times the noise: where their misfit is above
+    that of an adequate model with many data, predictions allow for it. Fits that allow for a discrepancy have fewer
+    local minima: the fit without it is tried again from their end.
     """
     for _ in range(_RESTARTS + 1):
-        if fit.adequacy is None or fit.adequacy.passed:
+        if fit.adequacy is None or not fit.adequacy.needs_discrepancy:
             return fit
         task = fit.task.resonant
         try:
@@ -248,7 +250,7 @@ def _beside_discrepancy(fit: Identification, task: Task, widened: DiscrepancyFit
     """Return the fit repeated with a discrepancy that is sufficient."""
     with suppress(ReceptanceError):
         widened = sufficient(task, widened)
-    notes = [*fit.notes, *_discrepancy_notes(fit.task, widened.discrepancy)]
+    notes = [*fit.notes, *_discrepancy_notes(fit.adequacy, widened.discrepancy)]
     problem = widened.task.problem()
     run = _start_of(problem, fit, widened.end)
     again = conclude(
@@ -257,14 +259,20 @@ def _beside_discrepancy(fit: Identification, task: Task, widened: DiscrepancyFit
     return replace(again, starts=fit.starts)
 
 
-def _discrepancy_notes(task: Task, discrepancy: Discrepancy) -> list[str]:
-    """Return notes on what the discrepancy does not include."""
-    if discrepancy.relative is not None:
-        return []
-    return [
-        "only natural frequencies were measured, so the error of the model in the level of FRFs is unknown, and bands "
-        "of FRFs and depths of cut do not include it: measure an FRF"
-    ]
+def _discrepancy_notes(adequacy: Adequacy | None, discrepancy: Discrepancy) -> list[str]:
+    """Return notes on why a fit that is not rejected allows for a discrepancy, and what this does not include."""
+    notes = []
+    if adequacy is not None and adequacy.passed:
+        notes.append(
+            f"residuals are {times(adequacy.misfit)} times the noise, and the data are too few to tell whether the "
+            f"model is wrong: intervals allow for an error of the model of {discrepancy}"
+        )
+    if discrepancy.relative is None:
+        notes.append(
+            "only natural frequencies were measured, so the error of the model in the level of FRFs is unknown, and "
+            "bands of FRFs and depths of cut do not include it: measure an FRF"
+        )
+    return notes
 
 
 def _start_of(problem: Problem, fit: Identification, end: End) -> Start:

@@ -34,6 +34,8 @@ _GROWTH = 3.0
 """Largest growth of a step along a flat side."""
 _RESTARTS = 4
 """Largest number of restarts from a better optimum."""
+_MOST_EVALUATIONS = 400
+"""Largest number of evaluations of the profile of a value whose linear interval exceeds the bounds."""
 _COST_TOLERANCE = 1e-5
 """Tolerance of the cost of a constrained fit, in residual variances."""
 _FACTOR = 1.5
@@ -400,6 +402,38 @@ def profile_likelihoods(
         unfinished = [name for name in chosen if name not in profiles]
         return Profiles(profiles, fit=fit, unfinished=unfinished, provenance=fit.provenance)
     raise ReceptanceError(f"profiling found a better optimum {_RESTARTS} times: identify with more starts")
+
+
+def interval_within_bounds(fit: Identification, name: str, level: float = 0.95) -> tuple[float, float]:
+    """Return the confidence interval of a value in SI units, which ends at the bounds of the unknown.
+
+    It is linear, see `Identification.interval`. Where it would exceed the bounds, the linear approximation says
+    nothing, and the interval is that of the profile likelihood, if this ends within `_MOST_EVALUATIONS`.
+
+    Examples
+    --------
+    >>> from receptance import STEEL, Assembly, Observation, Part, PointMass, Segment, Unknown, identify
+    >>> from receptance.fit.likelihood import interval_within_bounds
+    >>> bar = Part([Segment(length=0.1, outer_diameter=0.02, material=STEEL)], name="bar")
+    >>> bare, loaded = (Assembly([bar], [PointMass(mass=mass, name="mass")]) for mass in (0.0, 1e-4))
+    >>> modes = loaded.natural_frequencies(3e4)
+    >>> rung = Observation.from_modes(assembly=bare, frequency_hz=modes, standard_deviation_hz=20)
+    >>> fit = identify(rung, Unknown(address="mass.mass", lower=0.0, upper=0.1, scale="linear"))
+    >>> fit.interval("mass.mass")[0] < 0.0
+    True
+    >>> low, high = interval_within_bounds(fit, "mass.mass")
+    >>> low == 0.0 and high > 1e-4
+    True
+    """
+    unknown = fit.unknowns[fit.index(name)]
+    low, high = fit.interval(name, level)
+    if low < unknown.lower or high > unknown.upper:
+        try:
+            profile = _Profiler(fit, level, _MOST_EVALUATIONS).profile(name)
+            low, high = profile.lower, profile.upper
+        except (BetterOptimumError, _EvaluationsUsedError):
+            pass
+    return max(low, unknown.lower), min(high, unknown.upper)
 
 
 class _Profiler:

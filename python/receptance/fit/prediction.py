@@ -125,6 +125,9 @@ class PredictedFRF:
     """Of the imaginary part; None if not computed."""
     drawn: NDArray[np.complex128] = field(repr=False)
     """`(draws, n)` complex receptances of vectors drawn from the posterior; `(0, n)` without draws."""
+    undrawn_deviation: NDArray[np.float64] | None = field(default=None, repr=False)
+    """`(n,)` standard deviation of the real part of its logarithm by what draws leave out: the error of the model where
+    modes nearly cancel. None if they leave out nothing."""
     degrees_of_freedom: float | None = None
     """Of the scatter, where it was estimated; None where it was known."""
     measured: NDArray[np.complex128] | None = field(default=None, repr=False)
@@ -156,9 +159,10 @@ class PredictedFRF:
             ends = [0.5 - 0.5 * level, 0.5 + 0.5 * level]
             low, high = np.quantile(np.log(np.abs(self.drawn)), ends, axis=0)
             low, high = np.minimum(low, middle), np.maximum(high, middle)
-            # The noise of a measurement is added as if each side were that of a normal distribution.
-            low = middle - np.hypot(middle - low, multiplier * noise)
-            high = middle + np.hypot(high - middle, multiplier * noise)
+            # These errors and the noise of a measurement are added as if each side were that of a normal distribution.
+            beside = noise if self.undrawn_deviation is None else np.hypot(noise, self.undrawn_deviation)
+            low = middle - np.hypot(middle - low, multiplier * beside)
+            high = middle + np.hypot(high - middle, multiplier * beside)
         else:
             half = multiplier * np.hypot(self.scatter.total, noise)
             low, high = middle - half, middle + half

@@ -41,8 +41,7 @@ from receptance.model.terminals import RESIDUALS, Terminal
 
 _Value = TypeVar("_Value")
 _SAME_PEAK = 0.02
-"""Relative distance of the peak of a response from a natural frequency of its lines up to which it is the peak of this
-mode."""
+"""Relative distance of the peak of a response from a natural frequency up to which it is the peak of this mode."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -377,10 +376,13 @@ class PredictedAssembly:
             raise ReceptanceError(f"only {len(several)} of {draws} vectors drawn from the posterior have a model")
         drawn = np.array(several, np.complex128).reshape(-1, linear.receptance.size)
         log_slope = linear.slope / linear.receptance[:, None]
-        log_deviation = np.sqrt(linear.variance) / np.abs(linear.receptance)
-        if self.predictor.discrepancy is not None:
+        log_deviation, undrawn = np.sqrt(linear.variance) / np.abs(linear.receptance), None
+        discrepancy = self.predictor.discrepancy
+        if discrepancy is not None:
             curve = Curve.of(np.asarray(frequency_hz).real, linear.receptance)
-            log_deviation = np.hypot(log_deviation, np.sqrt(self.predictor.discrepancy.log_variance(curve)))
+            log_deviation = np.hypot(log_deviation, np.sqrt(discrepancy.log_variance(curve)))
+            # In draws an error of level is a positive factor, so that antiresonances stay where they are.
+            undrawn = (discrepancy.relative or 0.0) * np.sqrt(curve.growth - 1.0)
         return PredictedFRF(
             response=response or Coordinate(),
             excitation=excitation or Coordinate(),
@@ -389,6 +391,7 @@ class PredictedAssembly:
             scatter=self.scatter(log_slope.real).widened(log_deviation),
             phase_scatter=self.scatter(log_slope.imag).widened(log_deviation) if phase else None,
             drawn=drawn,
+            undrawn_deviation=undrawn,
             degrees_of_freedom=self.predictor.degrees_of_freedom,
         )
 
@@ -438,28 +441,32 @@ class PredictedAssembly:
     def _peaks(
         self, measured: Observation, peaks: Sequence[PredictedMode], linear: LinearFRF
     ) -> tuple[PredictedMode, ...]:
-        """Return peaks with the mode and the standard deviation of the natural frequency nearest to each.
+        """Return peaks with the mode and the standard deviation of the natural frequency at each.
 
-        Where an assembly ends with modes or a table, natural frequencies are those of the lines, and a peak that is
-        none of them has no standard deviation.
+        A measured peak without a predicted one is matched with a natural frequency that is left: the place of a sensor
+        may be a node of the model, and not quite one of the structure. A peak that is no natural frequency, such as a
+        summit between two antiresonances, has no standard deviation. Where an assembly ends with modes or a table,
+        natural frequencies are those of the lines.
         """
-        predicted_hz = np.array([peak.predicted_hz for peak in peaks if peak.predicted_hz is not None])
-        modes: tuple[PredictedMode, ...] = ()
-        if predicted_hz.size and self.assembly.countable:
-            modes = self.natural_frequencies(1.1 * float(predicted_hz.max())).modes
-        elif predicted_hz.size:
+        frequencies_hz = [hz for peak in peaks if (hz := peak.predicted_hz or peak.measured_hz) is not None]
+        modes: list[PredictedMode] = []
+        if frequencies_hz and self.assembly.countable:
+            modes = list(self.natural_frequencies(1.1 * max(frequencies_hz)).modes)
+        elif any(peak.predicted_hz is not None for peak in peaks):
             of_lines = self.peak_frequencies(measured.frequency_hz.real, linear).modes
-            near = [np.abs(predicted_hz / mode.predicted_hz - 1.0).min() < _SAME_PEAK for mode in of_lines]
-            modes = tuple(replace(mode, mode=None) for mode, is_near in zip(of_lines, near, strict=True) if is_near)
-        frequencies = np.array([mode.predicted_hz for mode in modes], dtype=np.float64)
-        freedom, named = self.predictor.degrees_of_freedom, []
-        for peak in peaks:
+            modes = [replace(mode, mode=None) for mode in of_lines]
+        freedom, named = self.predictor.degrees_of_freedom, list(peaks)
+        # Predicted peaks first: a natural frequency is that of one peak.
+        for index in sorted(range(len(peaks)), key=lambda i: peaks[i].predicted_hz is None):
+            peak = peaks[index]
             peak = replace(peak, configuration=measured.configuration, label=measured.label, degrees_of_freedom=freedom)
-            if peak.predicted_hz is not None and modes:
-                index = int(np.abs(frequencies - peak.predicted_hz).argmin())
-                if self.assembly.countable or abs(peak.predicted_hz / frequencies[index] - 1.0) < _SAME_PEAK:
-                    peak = replace(peak, mode=modes[index].mode, deviation_hz=modes[index].deviation_hz)
-            named.append(peak)
+            at = peak.predicted_hz or peak.measured_hz or 0.0
+            mode = min(modes, key=lambda mode: abs((mode.predicted_hz or 0.0) - at), default=None)
+            if mode is not None and mode.predicted_hz is not None and abs(at / mode.predicted_hz - 1.0) < _SAME_PEAK:
+                modes.remove(mode)
+                predicted_hz = peak.predicted_hz or mode.predicted_hz
+                peak = replace(peak, mode=mode.mode, predicted_hz=predicted_hz, deviation_hz=mode.deviation_hz)
+            named[index] = peak
         return tuple(named)
 
     def recorded(self, measured: Observation) -> NDArray[np.complex128]:
