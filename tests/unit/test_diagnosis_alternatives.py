@@ -85,16 +85,16 @@ def test_a_body_on_the_tip_is_no_mode_of_a_fixture(at_tip: bool) -> None:
 
 def test_a_better_alternative_is_reported() -> None:
     # A gram on the shank: a sensor at the tip takes up nearly all of it.
-    data = [make_observations(chain(x, PointMass(mass=4e-4, part="tool", position=0.3 * x)), x) for x in OVERHANGS]
+    data = [make_observations(chain(x, PointMass(mass=4e-4, part="tool", position=0.02)), x) for x in OVERHANGS]
     verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["sensor_mass", "joint_cross_term"])
     assert verdict.verdict == "unexplained"
     assert not verdict.causes
     (note,) = [one for one in verdict.notes if "is more likely" in one]
-    assert "a mass at 30 % of tool" in note
+    assert "a mass at 20 mm of tool" in note
     assert verdict.alternative is verdict.alternatives[0]
     assert verdict.alternative.parameters["mass_somewhere.mass"][0] == pytest.approx(4e-4, rel=0.1)
     facts = {fact.label: fact.texts[0] for fact in verdict.facts()}
-    assert facts["Place"].startswith("A mass at 30 % of tool explains the data; it is not a known cause")
+    assert facts["Place"].startswith("A mass at 20 mm of tool explains the data; it is not a known cause")
     assert facts["Size"].startswith("mass 0.4")
     assert facts["Place"] in verdict.to_html()
     assert verdict.to_dict()["alternative"]["id"] == "mass_somewhere"
