@@ -15,7 +15,7 @@ import pytest
 
 from blind.bridge import Answer, ask, nameable
 from blind.generator import CATALOGUE, NEIGHBOUR, OUTSIDE
-from blind.neighbours import GROUPS, NEIGHBOURS, Kind, case, draw_neighbour, every
+from blind.neighbours import COVERED, GROUPS, NEIGHBOURS, Kind, case, draw_neighbour, every
 from blind.neighbours.kind import Change, filtered, in_configuration
 from blind.neighbours.outcome import indistinguishable, run_neighbour, visible
 from blind.neighbours.score import answer_of, report, table
@@ -27,7 +27,8 @@ HERE = Path(__file__).resolve().parent
 SEED = fresh_seed()
 FIXED = 5
 """The seed of the tests in which each kind has one case: whether a small error exceeds the noise must not be luck."""
-SIZED = [id for id, kind in NEIGHBOURS.items() if kind.sized]
+EVERY = {**NEIGHBOURS, **COVERED}
+SIZED = [id for id, kind in EVERY.items() if kind.sized]
 
 
 def answering(verdict, *reported):
@@ -36,16 +37,19 @@ def answering(verdict, *reported):
 
 def test_kinds_are_not_in_the_catalogue():
     causes = nameable()
-    assert len(NEIGHBOURS) >= 60
-    assert not set(NEIGHBOURS) & {*causes, *CATALOGUE, *OUTSIDE}
+    assert len(NEIGHBOURS) >= 100
+    assert not set(NEIGHBOURS) & {*causes, *CATALOGUE, *OUTSIDE, *COVERED}
+    assert all(kind.right for kind in COVERED.values())
     for group in GROUPS:
         assert sum(kind.group == group for kind in NEIGHBOURS.values()) >= 10
-    for kind in NEIGHBOURS.values():
+    for kind in EVERY.values():
         assert kind.group in GROUPS
         assert set(kind.right) <= set(causes), kind.id
         assert re.fullmatch(r"[A-Z][^.]+\.", kind.text), kind.id
     # An id that is there twice would hide a kind.
-    lists = [getattr(case, f"{name}_ERRORS") for name in ("HIT", "CHANNEL", "DESCRIPTION", "CLAMPING", "FILE")]
+    lists = [
+        getattr(case, f"{name}_ERRORS") for name in ("HIT", "CHANNEL", "DESCRIPTION", "CLAMPING", "FILE", "COVERED")
+    ]
     for field in ("id", "text", "draw"):
         assert max(Counter(getattr(kind, field) for kinds in lists for kind in kinds).values()) == 1
 
@@ -76,7 +80,7 @@ def misfits(neighbour):
     return residuals[0].size * (chi_squares[0] - chi_squares[1]), float(np.abs(difference).max())
 
 
-@pytest.mark.parametrize("id", NEIGHBOURS)
+@pytest.mark.parametrize("id", EVERY)
 def test_error_of_full_size_exceeds_the_noise(id):
     neighbour = draw_neighbour(FIXED, 6, id, u=1.0, quick=True)
     assert neighbour.u == 1.0

@@ -85,7 +85,9 @@ def _with_point(point: PointMass | GroundSpring, assembly: Assembly) -> Assembly
 
 
 def _support(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    for place in ((model.tip, 0.0), *_places(model)):
+    # What hangs on its holder has the cause of a suspension there.
+    places = [place for place in _places(model) if model.in_spindle or place[0] == model.tip]
+    for place in ((model.tip, 0.0), *places):
         yield Variant(_at(place), partial(_hold, place, p["stiffness"], None))
         yield Variant(f"{_at(place)}, with a loss", partial(_hold, place, p["stiffness"], p["damping"]))
 
@@ -122,6 +124,8 @@ def _piece(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         for begin, end in itertools.pairwise(edges):
             where = f"from {1e3 * begin:.3g} to {1e3 * end:.3g} mm of {part}"
             for name, (field, what) in _PIECE_FIELDS.items():
+                if name == "log_diameter" and part == model.tip and begin == 0.0:
+                    continue  # the cause of a fluted part
                 change = partial(_change_piece, part, edges, (begin, end), field, p[name])
                 yield Variant(f"{field.replace('_', ' ')} {where}", change, meaning=what)
 

@@ -249,13 +249,22 @@ def _scale_time(scale: Parameter, mass: float, model: Model) -> Model:
 def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
     require_no_table(model, f"{_NOT_COMPLEX}, or repeat one measurement without a window")
+    rate, meaning = p["decay_rate"], ""
+    # A window that was not applied, or has another rate, is stated in the lines.
+    stated = min(-2.0 * math.pi * float(record.frequency_hz[0].imag) for record in model.receptances)
+    if stated > 0.0:
+        rate = replace(rate, lower=-stated, plausible=(-stated, rate.plausible[1]))
+        meaning = (
+            f"the rate of the exponential window exceeds the stated {amount(stated, '1/s')} by this size; below zero the "
+            "stated one is too large by it"
+        )
     recorded = _RECORDED[::-1]
     for name, address in zip(recorded, DECAY_RATES, strict=True):
-        yield Variant(f"on {name}", partial(_add_unknown, p["decay_rate"], address, None))
+        yield Variant(f"on {name}", partial(_add_unknown, rate, address, None), meaning=meaning)
     # For a single configuration the kind of the record makes little difference.
     for place in _each(model)[1:]:
-        change = partial(_add_unknown, p["decay_rate"], next(iter(DECAY_RATES)), place)
-        yield Variant(f"on {recorded[0]}, {place}", change)
+        change = partial(_add_unknown, rate, next(iter(DECAY_RATES)), place)
+        yield Variant(f"on {recorded[0]}, {place}", change, meaning=meaning)
 
 
 def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
