@@ -284,3 +284,27 @@ def test_diagnoses_of_every_group_do_not_fail(summarise):
     # With it the model is wrong, and their fits, which start apart, may end in different optima.
     same = run_neighbour(SEED, 2, "turned_bar", ask, quick=True, u=0.0)
     assert 0.5 < same.misfit / same.oracle["misfit"] < 2.0, SEED
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("index", [0, 1, 2])
+@pytest.mark.parametrize(
+    ("id", "u"),
+    [("laser", 0.9), ("overstated_sensor", 0.9), ("shifted_axis", 0.8), ("tool_loss", 0.8), ("steel_head", 0.6)],
+)
+def test_wrong_number_is_no_member_of_the_catalogue_with_the_same_shape(id, u, index):
+    """Each was named confidently as a thinner fluted part, a suspension or a window."""
+    outcome = run_neighbour(SEED, index, id, ask, quick=True, u=u)
+    assert outcome.large, SEED
+    assert answer_of(outcome) != "wrong", (SEED, outcome.reported)
+    if id in COVERED:
+        assert set(COVERED[id].right) <= set(outcome.reported), (SEED, outcome.verdict, outcome.candidates)
+    else:
+        assert outcome.verdict != "named", (SEED, outcome.reported)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("id", ["constant_phase", "rope_on_tool", "stiffness_somewhere"])
+def test_alternative_withholds_the_name_of_what_looks_alike(id):
+    outcome = run_neighbour(SEED, 3, id, ask, quick=True, u=0.4)
+    assert answer_of(outcome) != "wrong", (SEED, outcome.reported)

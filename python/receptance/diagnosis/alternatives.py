@@ -112,12 +112,26 @@ def _section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
             yield Variant(name, partial(_move, p["log_diameter"], {address: 1.0}))
 
 
+def _whole_section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    """Yield the sections of parts of several, each of another density or modulus."""
+    for part in (model.tip, *_holders(model)):
+        count = min(len(one.segments) for one in model.parts(part))
+        for index in range(count if count > 1 else 0):
+            section = f"{part}.segment[{index}]"
+            for name in ("log_density", "log_modulus"):
+                field, what = _PIECE_FIELDS[name]
+                if not model.has(f"{section}.{field}"):
+                    change = partial(_move, p[name], {f"{section}.{field}": 1.0})
+                    yield Variant(f"{field.replace('_', ' ')} of {section}", change, meaning=what)
+
+
 def _move(parameter: Parameter, moves: Mapping[str, float], model: Model) -> Model:
     return model.plus(parameter.move(moves, relative=True))
 
 
 def _piece(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    """Yield pieces of tool and holder of another density, modulus or diameter."""
+    """Yield sections and pieces of tool and holder of another density, modulus or diameter."""
+    yield from _whole_section(p, model)
     for part in (model.tip, *_holders(model)):
         length = _shortest(model, part)
         edges = tuple(i / ALTERNATIVE_PIECES * length for i in range(ALTERNATIVE_PIECES + 1))

@@ -255,8 +255,8 @@ def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if stated > 0.0:
         rate = replace(rate, lower=-stated, plausible=(-stated, rate.plausible[1]))
         meaning = (
-            f"the rate of the exponential window exceeds the stated {amount(stated, '1/s')} by this size; below zero the "
-            "stated one is too large by it"
+            f"the rate of the exponential window exceeds the stated {amount(stated, '1/s')} by this size; below zero "
+            "the stated one is too large by it"
         )
     recorded = _RECORDED[::-1]
     for name, address in zip(recorded, DECAY_RATES, strict=True):
