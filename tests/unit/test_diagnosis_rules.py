@@ -388,8 +388,9 @@ def test_a_material_is_the_same_within_the_holder() -> None:
             ("tool_modulus", "youngs_modulus"),
             ("tool_density", "density"),
             ("shear_neglected", "poisson_ratio"),
+            ("material_loss", "loss_factor"),
         ):
-            ((_, extended),) = CATALOGUE[cause].extensions(model)
+            (_, extended), *_ = CATALOGUE[cause].extensions(model)
             assert f"{within}.{field}" in extended.unknowns[-1].moves
     ((_, extended),) = CATALOGUE["holder_modulus"].extensions(model)
     assert set(extended.unknowns[-1].moves) == {"holder.segment[*].youngs_modulus", "joint.sleeve.youngs_modulus"}

@@ -103,7 +103,7 @@ other configurations it is left out of a fold."""
 
 # Alternatives that are not causes.
 
-ALTERNATIVE_PLACES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+ALTERNATIVE_PLACES = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 """Places on tool and holder, as shares of the length, of the shortest one where a tool has several overhangs."""
 ALTERNATIVE_PIECES = 6
 """Pieces of tool and holder that may be heavier, stiffer or thicker."""
