@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +21,7 @@ from receptance import (
     Segment,
     Unknown,
 )
-from receptance.diagnosis import Cause, Model, diagnose
+from receptance.diagnosis import CATALOGUE, Cause, Model, UndecidableError, diagnose
 from receptance.diagnosis.alternatives import ALTERNATIVES
 from receptance.diagnosis.explanation import Selection
 from receptance.diagnosis.fitting import refit
@@ -168,6 +169,26 @@ def test_every_alternative_has_an_effect_only_off_its_null(alternative: Cause) -
             * (1.0 if alternative.id != "soft_place" else -1.0)
         )
         assert np.abs(there.residual(moved)[: before.size] - before).max() > 1.0
+
+
+@pytest.mark.parametrize("cause", ["joint_spread", "collet_mass", "sensor_mass", "frequency_scale", "overhang_error"])
+@pytest.mark.parametrize("alternative", ALTERNATIVES, ids=lambda one: one.id)
+def test_alternative_acts_on_a_model_with_a_cause(cause: str, alternative: Cause) -> None:
+    """A pair of a cause and an alternative; the variants are those of the model without the cause."""
+    data = [make_observations(chain(x), x) for x in OVERHANGS]
+    base = Model(tuple(data), tuple(JOINT), tuple(TOLERANCES)).with_witnesses()
+    (_, model), *_ = CATALOGUE[cause].extensions(base)
+    problem = model.task.problem()
+    lines = 2 * sum(one.frequency_hz.size for one in data)
+    before = problem.residual(problem.variables.start)[:lines]
+    acting = 0
+    for variant in alternative.variants(base):
+        with contextlib.suppress(UndecidableError):
+            there = variant.apply(model).task.problem()
+            after = there.residual(there.variables.start)[:lines]
+            assert np.median(np.abs(after - before)) < 1e-3
+            acting += 1
+    assert acting
 
 
 def test_competing_explanation_is_fitted() -> None:

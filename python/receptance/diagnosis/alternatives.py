@@ -138,8 +138,8 @@ def _piece(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         for begin, end in itertools.pairwise(edges):
             where = f"from {1e3 * begin:.3g} to {1e3 * end:.3g} mm of {part}"
             for name, (field, what) in _PIECE_FIELDS.items():
-                if name == "log_diameter" and part == model.tip and begin == 0.0:
-                    continue  # the cause of a fluted part
+                if name != "log_modulus" and part == model.tip and begin == 0.0:
+                    continue  # the causes of a sensor and of a fluted part
                 change = partial(_change_piece, part, edges, (begin, end), field, p[name])
                 yield Variant(f"{field.replace('_', ' ')} {where}", change, meaning=what)
 
@@ -179,12 +179,16 @@ def _second_material(p: Mapping[str, Parameter], model: Model) -> Iterator[Varia
     """Yield a tool of two materials: another one up to a place, or from a place on."""
     stated = stated_material(model)
     middle = 0.5 * _shortest(model, model.tip)
-    for material in TOOL_MATERIALS:
+    for material in (one for one in TOOL_MATERIALS if one.name in _BRAZED):
         log_modulus, log_density = material.relative_to(stated)
         if abs(log_modulus) <= ORDINARY_MODULUS and abs(log_density) <= ORDINARY_DENSITY:
             continue
         yield Variant(f"{material.name} at the tip", partial(_make_head, material, p))
         yield Variant(f"{material.name} behind a head", partial(_make_shank, material, middle, p["share"], p["begin"]))
+
+
+_BRAZED = ("steel", "cemented carbide")
+"""Materials of heads and shanks that are brazed or shrunk together."""
 
 
 def _make_head(material: ToolMaterial, p: Mapping[str, Parameter], model: Model) -> Model:
