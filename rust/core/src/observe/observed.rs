@@ -151,7 +151,8 @@ impl Modelled {
         }
         if chain.offset != 0.0 && !(beyond.is_empty() && truncation.is_none() && force.is_empty()) {
             let (what, value) = ("frequency offset", chain.offset);
-            let expected = "zero: with a table, an early end or a stepped sine lines have no offset".to_owned();
+            let expected =
+                "zero: with a table, an early end or a stepped sine lines have no offset".to_owned();
             return Err(Error::Index { what, index: 0, value, expected });
         }
         let request = Request {
