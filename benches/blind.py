@@ -13,7 +13,7 @@ so `--budget` may end a run early: after so many minutes no case is begun any mo
 own; `tests/blind/generator/knowledge.py` says how the levels are drawn.
 `--neighbours` makes ordinary errors that the catalogue does not contain, all kinds of `tests/blind/neighbours` in turn,
 and counts how often they are named or partly explained wrongly; `--only` then chooses among these kinds, and `--score`
-needs the option as well.
+needs the option as well. Kinds that the catalogue contains by now are run in turn if `--only` names them.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ if __name__ == "__main__":
 
 import argparse
 import functools
+import itertools
 import sys
 import time
 from pathlib import Path
@@ -36,7 +37,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from blind.bridge import ask
 from blind.files import add_options, append, read, run_batch
 from blind.generator import CATALOGUE, KINDS, LEVELS, NEIGHBOUR, OUTSIDE, alone, every
-from blind.neighbours import NEIGHBOURS
+from blind.neighbours import COVERED, NEIGHBOURS
 from blind.neighbours import every as every_neighbour
 from blind.neighbours.outcome import run_neighbour
 from blind.neighbours.score import report as report_of_neighbours
@@ -60,7 +61,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--effects", choices=CATALOGUE, nargs="+", metavar="ID", help="one of these in every case")
     parser.add_argument(
         "--only",
-        choices=(*KINDS, *CATALOGUE, *OUTSIDE, *NEIGHBOURS),
+        choices=(*KINDS, *CATALOGUE, *OUTSIDE, *NEIGHBOURS, *COVERED),
         nargs="+",
         metavar="NAME",
         help="cases of these kinds or effects",
@@ -72,7 +73,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if options.neighbours and (options.advice or options.effects or options.holder != [""]):
         parser.error("--neighbours has no --advice, --effects and --holder")
-    if options.only and options.neighbours != set(options.only).issubset(NEIGHBOURS):
+    if options.only and options.neighbours != set(options.only).issubset({*NEIGHBOURS, *COVERED}):
         parser.error("--only chooses among the kinds of neighbours with --neighbours, and among the others without it")
     scored = (report_of_advice, of_advice) if options.advice else (report, table)
     if options.neighbours:
@@ -90,7 +91,9 @@ def run(options: argparse.Namespace, seed: int) -> list[Outcome]:
     begun = time.perf_counter()
     plan = alone(options.cases, options.effects) if options.effects else every(options.cases)
     if options.neighbours:
-        plan = [(NEIGHBOUR, (id,)) for id in every_neighbour(options.cases)]
+        covered = [id for id in options.only or () if id in COVERED]
+        ids = itertools.islice(itertools.cycle(covered), options.cases) if covered else every_neighbour(options.cases)
+        plan = [(NEIGHBOUR, (id,)) for id in ids]
     chosen = [
         (index, case)
         for index, case in enumerate(plan)

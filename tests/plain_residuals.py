@@ -9,7 +9,20 @@ import numpy as np
 from receptance import Assembly
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation, Unit
-from receptance.fit.parameters import DECAY_RATES, DELAY, END, FACTORS, LOG_GAIN, ParameterMap
+from receptance.fit.parameters import (
+    DECAY_RATES,
+    DELAY,
+    END,
+    FACTORS,
+    FREQUENCY_OFFSETS,
+    HIGH_PASS,
+    LEVEL_EXPONENT,
+    LEVEL_SLOPE,
+    LOG_GAIN,
+    LOW_PASS,
+    PHASE,
+    ParameterMap,
+)
 from receptance.model.addresses import moved_coordinate
 
 
@@ -36,8 +49,9 @@ def of_receptance(frf: Any, unit: Unit, assembly: Assembly, own: dict[str, float
         options["force"] = frf.force
     f, structural = frf.frequency_hz, [name for name in own if name not in FACTORS]
     rate, end = sum(own.get(name, 0.0) for name in DECAY_RATES), own.get(END, frf.ends)
+    offset = sum(own.get(name, 0.0) for name in FREQUENCY_OFFSETS)
 
-    def columns_at(rate: float, end: float | None, by_end: bool = False) -> np.ndarray:
+    def columns_at(rate: float, end: float | None, by_end: bool = False, offset: float = offset) -> np.ndarray:
         """Return receptance and derivatives before gain, delay and integration, one column each; or by the end."""
 
         def columns(lines: np.ndarray) -> np.ndarray:
@@ -45,7 +59,8 @@ def of_receptance(frf: Any, unit: Unit, assembly: Assembly, own: dict[str, float
 
         if end is not None:
             return truncated(columns, f, end, 1.2 * frf.ends, rate, by_end)
-        return columns(f if rate == 0.0 else f - 1j * rate / (2.0 * np.pi))
+        lines = f - offset
+        return columns(lines if rate == 0.0 else lines - 1j * rate / (2.0 * np.pi))
 
     at = columns_at(rate, end)
     h, slopes = at[:, 0], dict(zip(structural, at.T[1:], strict=True))
@@ -53,10 +68,28 @@ def of_receptance(frf: Any, unit: Unit, assembly: Assembly, own: dict[str, float
     factor = np.exp(own.get(LOG_GAIN, 0.0) - 2j * np.pi * f.real * own.get(DELAY, 0.0))
     for name, power in DECAY_RATES.items():
         factor = factor * (1.0 + own.get(name, 0.0) / s) ** power
+    for name, power in FREQUENCY_OFFSETS.items():
+        factor = factor * ((f - own.get(name, 0.0)) / f) ** power
+    w = 2.0 * np.pi * f.real
+    amplifier = {
+        LEVEL_EXPONENT: lambda z: (f.real / 1000.0) ** z,
+        LEVEL_SLOPE: lambda z: np.exp(z * w),
+        PHASE: lambda z: np.full(f.shape, np.exp(1j * z)),
+        LOW_PASS: lambda z: 1.0 / (1.0 + z * s) if z > 0.0 else 1.0 - z * s,
+        HIGH_PASS: lambda z: s / (s + z) if z > 0.0 else (s - z) / s,
+    }
+    for name, response in amplifier.items():
+        factor = factor * response(own.get(name, 0.0))
     for name in own.keys() - set(structural):
         if name in DECAY_RATES:
             by_rate = derivative(lambda z: columns_at(z, end)[:, 0], rate, 0.5)
             slopes[name] = by_rate + h * DECAY_RATES[name] / (s + own[name])
+        elif name in FREQUENCY_OFFSETS:
+            by_offset = derivative(lambda z: columns_at(rate, end, offset=z)[:, 0], offset, 0.1)
+            slopes[name] = by_offset - h * FREQUENCY_OFFSETS[name] / (f - own[name])
+        elif name in amplifier:
+            step = {LEVEL_SLOPE: 1e-7, LOW_PASS: 1e-7, HIGH_PASS: 1.0}.get(name, 1e-3)
+            slopes[name] = h * derivative(lambda z, name=name: np.log(amplifier[name](z)), own[name], step)
         elif name == END:
             slopes[name] = columns_at(rate, end, by_end=True)[:, 0]
         else:

@@ -15,7 +15,7 @@ import pytest
 
 from blind.bridge import Answer, ask, nameable
 from blind.generator import CATALOGUE, NEIGHBOUR, OUTSIDE
-from blind.neighbours import GROUPS, NEIGHBOURS, Kind, case, draw_neighbour, every
+from blind.neighbours import COVERED, GROUPS, NEIGHBOURS, Kind, case, draw_neighbour, every
 from blind.neighbours.kind import Change, filtered, in_configuration
 from blind.neighbours.outcome import indistinguishable, run_neighbour, visible
 from blind.neighbours.score import answer_of, report, table
@@ -27,7 +27,8 @@ HERE = Path(__file__).resolve().parent
 SEED = fresh_seed()
 FIXED = 5
 """The seed of the tests in which each kind has one case: whether a small error exceeds the noise must not be luck."""
-SIZED = [id for id, kind in NEIGHBOURS.items() if kind.sized]
+EVERY = {**NEIGHBOURS, **COVERED}
+SIZED = [id for id, kind in EVERY.items() if kind.sized]
 
 
 def answering(verdict, *reported):
@@ -36,16 +37,19 @@ def answering(verdict, *reported):
 
 def test_kinds_are_not_in_the_catalogue():
     causes = nameable()
-    assert len(NEIGHBOURS) >= 60
-    assert not set(NEIGHBOURS) & {*causes, *CATALOGUE, *OUTSIDE}
+    assert len(NEIGHBOURS) >= 100
+    assert not set(NEIGHBOURS) & {*causes, *CATALOGUE, *OUTSIDE, *COVERED}
+    assert all(kind.right for kind in COVERED.values())
     for group in GROUPS:
         assert sum(kind.group == group for kind in NEIGHBOURS.values()) >= 10
-    for kind in NEIGHBOURS.values():
+    for kind in EVERY.values():
         assert kind.group in GROUPS
         assert set(kind.right) <= set(causes), kind.id
         assert re.fullmatch(r"[A-Z][^.]+\.", kind.text), kind.id
     # An id that is there twice would hide a kind.
-    lists = [getattr(case, f"{name}_ERRORS") for name in ("HIT", "CHANNEL", "DESCRIPTION", "CLAMPING", "FILE")]
+    lists = [
+        getattr(case, f"{name}_ERRORS") for name in ("HIT", "CHANNEL", "DESCRIPTION", "CLAMPING", "FILE", "COVERED")
+    ]
     for field in ("id", "text", "draw"):
         assert max(Counter(getattr(kind, field) for kinds in lists for kind in kinds).values()) == 1
 
@@ -76,7 +80,7 @@ def misfits(neighbour):
     return residuals[0].size * (chi_squares[0] - chi_squares[1]), float(np.abs(difference).max())
 
 
-@pytest.mark.parametrize("id", NEIGHBOURS)
+@pytest.mark.parametrize("id", EVERY)
 def test_error_of_full_size_exceeds_the_noise(id):
     neighbour = draw_neighbour(FIXED, 6, id, u=1.0, quick=True)
     assert neighbour.u == 1.0
@@ -280,3 +284,27 @@ def test_diagnoses_of_every_group_do_not_fail(summarise):
     # With it the model is wrong, and their fits, which start apart, may end in different optima.
     same = run_neighbour(SEED, 2, "turned_bar", ask, quick=True, u=0.0)
     assert 0.5 < same.misfit / same.oracle["misfit"] < 2.0, SEED
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("index", [0, 1, 2])
+@pytest.mark.parametrize(
+    ("id", "u"),
+    [("laser", 0.9), ("overstated_sensor", 0.9), ("shifted_axis", 0.8), ("tool_loss", 0.8), ("steel_head", 0.6)],
+)
+def test_wrong_number_is_no_member_of_the_catalogue_with_the_same_shape(id, u, index):
+    """Each was named confidently as a thinner fluted part, a suspension or a window."""
+    outcome = run_neighbour(SEED, index, id, ask, quick=True, u=u)
+    assert outcome.large, SEED
+    assert answer_of(outcome) != "wrong", (SEED, outcome.reported)
+    if id in COVERED:
+        assert set(COVERED[id].right) <= set(outcome.reported), (SEED, outcome.verdict, outcome.candidates)
+    else:
+        assert outcome.verdict != "named", (SEED, outcome.reported)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("id", ["constant_phase", "rope_on_tool", "stiffness_somewhere"])
+def test_alternative_withholds_the_name_of_what_looks_alike(id):
+    outcome = run_neighbour(SEED, 3, id, ask, quick=True, u=0.4)
+    assert answer_of(outcome) != "wrong", (SEED, outcome.reported)

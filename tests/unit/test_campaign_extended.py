@@ -18,7 +18,7 @@ from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.truncation import ALL_RECORDS
 from receptance.fit.observation import altered
-from receptance.fit.unknowns import Law
+from receptance.fit.unknowns import Law, Move
 from receptance.io import read_frf, write
 from variant_of_cause import variant_of
 
@@ -226,7 +226,10 @@ def test_causes_together_sensors_and_flutes_and_hits(tmp_path: Path) -> None:
     read, verdict = as_if_found(sensed, *causes)
     again = campaign.load(campaign.write_extended(read, verdict, tmp_path / "extended.toml"))
     observed = again.measurements["longest"].assembly
-    assert set(observed.attachments) == {"accelerometer", "cause_sensor"}
+    assert set(observed.attachments) == {"accelerometer"}
+    (mass,) = [one for one in again.unknowns if one.name == "sensor_mass.mass"]
+    assert isinstance(mass, Move)
+    assert (dict(mass.moves), mass.lower) == ({"accelerometer.mass": 1.0}, -observed.get("accelerometer.mass"))
     assert len(again.assemblies["other"].elements["tool"].segments) == 2
     # The error of the diameter is one error for all segments of the blank.
     (error,) = [one for one in again.tolerances["other"] if one.name.endswith("outer_diameter") and "tool" in one.name]

@@ -13,6 +13,7 @@ from receptance import (
     FRF,
     STEEL,
     Assembly,
+    Coordinate,
     GroundSpring,
     Observation,
     Part,
@@ -21,6 +22,7 @@ from receptance import (
     Section,
     Segment,
     SpreadJoint,
+    Unknown,
 )
 from receptance.diagnosis import CATALOGUE, Model, Verdict, diagnose, fitting
 from receptance.diagnosis.causes import parameters_of
@@ -391,8 +393,9 @@ def test_a_material_is_the_same_within_the_holder() -> None:
             ("tool_modulus", "youngs_modulus"),
             ("tool_density", "density"),
             ("shear_neglected", "poisson_ratio"),
+            ("material_loss", "loss_factor"),
         ):
-            ((_, extended),) = CATALOGUE[cause].extensions(model)
+            (_, extended), *_ = CATALOGUE[cause].extensions(model)
             assert f"{within}.{field}" in extended.unknowns[-1].moves
     ((_, extended),) = CATALOGUE["holder_modulus"].extensions(model)
     assert set(extended.unknowns[-1].moves) == {"holder.segment[*].youngs_modulus", "joint.sleeve.youngs_modulus"}
@@ -414,3 +417,36 @@ def test_spread_joint_is_found_with_a_moving_material() -> None:
         assert "joint.shank.youngs_modulus" in moves
         assert ("holder.segment[*].core.youngs_modulus" in moves) == ("whole" not in one.name)
         assert extended.task.parameters.unknowns
+
+
+def test_nearest_cause_explains_most_even_with_an_unusual_size() -> None:
+    """A body of 60 g at the place of the hits on a strip of 188 g; half of the records have the sensor elsewhere."""
+    lines = np.arange(60.0, 3000.0, 4.0)
+    rng = np.random.default_rng(3)
+
+    def strip(*points: PointMass) -> Assembly:
+        return Assembly([Part([Segment(length=0.5, outer_diameter=0.0078, material=STEEL)], name="strip")], points)
+
+    true = strip(PointMass(mass=0.06, part="strip", position=0.2))
+    data = []
+    for place in (0.2, 0.35):
+        places = {"response": Coordinate("strip", place), "excitation": Coordinate("strip", 0.2)}
+        noise = 0.01 * (rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size))
+        data.append(
+            Observation(
+                assembly=strip(),
+                frequency_hz=lines,
+                receptance=true.receptance(lines, **places) * np.exp(noise),
+                standard_deviation=0.01,
+                label=f"{place}",
+                configuration="strip",
+                **places,
+            )
+        )
+    unknowns = [Unknown(address="strip.segment[*].youngs_modulus", lower=1.5e11, upper=2.6e11)]
+    verdict = diagnose(data, unknowns, causes=["sensor_mass", "calibration_gain"], max_causes=1)
+    assert verdict.verdict == "unexplained"
+    facts = {fact.label: fact.texts[0] for fact in verdict.facts()}
+    assert facts["Nearest cause"].startswith("Mass of the sensor")
+    assert "doubted because of its size: mass 4" in facts["Nearest cause"]
+    assert facts["Size"].startswith("mass 4")

@@ -195,7 +195,11 @@ MENU = (
     MenuItem("weigh the holder", 1.0, {"holder_inertia.log_density": 1e-3, "holder_inertia.mass": 2e-3}),
     MenuItem("measure the overhangs again with a caliper", 1.0, {"overhang_error.length": 3e-5}),
     MenuItem("look up which exponential window the analyser had", 1.0, {"exponential_window.decay_rate": 0.1}),
-    MenuItem("measure a generator of known frequency with the analyser", 1.0, {"frequency_scale.log_scale": 1e-4}),
+    MenuItem(
+        "measure a generator of known frequency with the analyser",
+        1.0,
+        {"frequency_scale.log_scale": 1e-4, "frequency_scale.offset": 0.1},
+    ),
     MenuItem(
         "measure frequency and decay of the swing on the suspension",
         1.0,

@@ -210,6 +210,8 @@ class Variant:
     """What it is; by default the meaning of the cause."""
     remedy: str = ""
     """Remedy for the user; by default that of the cause."""
+    choices: int = field(default=1, init=False)
+    """Among how many variants the data choose, for which evidence has a penalty; set by `Cause.variants`."""
     cause: Cause = field(init=False, repr=False)
     """The cause; set by `Cause.variants`."""
 
@@ -228,10 +230,11 @@ class Variant:
     def __hash__(self) -> int:
         return hash(self.id)
 
-    def of(self, cause: Cause) -> Variant:
+    def of(self, cause: Cause, choices: int = 1) -> Variant:
         """Return it as a variant of a cause."""
         variant = replace(self, meaning=self.meaning or cause.meaning, remedy=self.remedy or cause.remedy)
         object.__setattr__(variant, "cause", cause)
+        object.__setattr__(variant, "choices", choices)
         return variant
 
     def apply(self, model: Model) -> Model:
@@ -287,6 +290,9 @@ class Cause:
         Whether the change is so large that it is tried only where the model is inadequate.
     unspecific : bool, optional
         Whether other errors of a structure have a similar effect. With a model discrepancy it is not reported.
+    anywhere : bool, optional
+        Whether its variants are places all over the structure, none more likely than another. Evidence then has a
+        penalty for the choice among them.
 
     Raises
     ------
@@ -311,6 +317,7 @@ class Cause:
     changes_data: bool = False
     large: bool = False
     unspecific: bool = False
+    anywhere: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.id, str) or not self.id.isidentifier():
@@ -330,10 +337,8 @@ class Cause:
         UndecidableError
             The data cannot show it.
         """
-        return [
-            variant.of(self)
-            for variant in self.change({parameter.name: parameter for parameter in self.parameters}, model)
-        ]
+        variants = list(self.change({parameter.name: parameter for parameter in self.parameters}, model))
+        return [variant.of(self, len(variants) if self.anywhere else 1) for variant in variants]
 
     def extensions(self, model: Model) -> list[tuple[Variant, Model]]:
         """Return the variants that a model can have, each with the model that it gives.

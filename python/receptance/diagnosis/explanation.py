@@ -205,7 +205,9 @@ class Selection:
         free += sum(parameter.penalised for parameter in causes.values())
         count = max(free - sum(unknown.prior is None for unknown in self.base.model.unknowns), 1)
         gain = self.gain(fit.chi_square - expected)
-        return Explanation(variants, fit, gain, gain - self.penalty * count, expected, self.discrepancy is not None)
+        # The choice among places is that of a place by chance: the look-elsewhere effect.
+        penalty = self.penalty * count + 2.0 * sum(math.log(variant.choices) for variant in variants)
+        return Explanation(variants, fit, gain, gain - penalty, expected, self.discrepancy is not None)
 
     def gain(self, chi_square: float) -> float:
         """Return the gain of a fit: twice the difference of the logarithms of the likelihoods.

@@ -152,13 +152,13 @@ def _judge_base(selection: Selection) -> Judgement:
 def _preferred_alternative(selection: Selection, remaining: Sequence[Explanation]) -> Explanation | None:
     """Return the alternative that is preferred to all causes.
 
-    It needs more evidence than as few causes by the margin. To be preferred to more of them it may have less by the
+    It needs more evidence than as many causes by the margin. To be preferred to more of them it may have less by the
     margin.
     """
     fewest = min(len(explanation.variants) for explanation in remaining)
     for alternative in selection.alternatives:
-        is_simpler = len(alternative.variants) < fewest
-        if alternative.evidence > remaining[0].evidence + (-MARGIN if is_simpler else MARGIN):
+        margin = MARGIN if len(alternative.variants) == fewest else -MARGIN
+        if len(alternative.variants) <= fewest and alternative.evidence > remaining[0].evidence + margin:
             return alternative
     return None
 
@@ -177,7 +177,8 @@ def _doubts(selection: Selection, explanation: Explanation, limit: float) -> Ite
     # Beside a discrepancy a cause explains the data partly at most, which claims less than a name.
     if explanation.evidence <= limit + MARGIN and selection.discrepancy is None:
         yield doubt("near_threshold")
-    alternative = next((other for other in selection.alternatives if other.evidence > explanation.evidence + TIE), None)
+    no_more = (other for other in selection.alternatives if len(other.variants) <= len(explanation.variants))
+    alternative = next((other for other in no_more if other.evidence > explanation.evidence + TIE), None)
     if alternative is not None:
         yield doubt("alternative_likely", alternative=alternative.place)
     if explanation.fit.degrees_of_freedom < LEAST_FREEDOM:

@@ -35,7 +35,7 @@ from receptance.diagnosis.thresholds import (
 )
 from receptance.diagnosis.truncation import ALL_RECORDS
 from receptance.fit.observation import Observation, altered
-from receptance.fit.parameters import DECAY_RATES, DELAY, END, LOG_GAIN
+from receptance.fit.parameters import DECAY_RATES, DELAY, END, FREQUENCY_OFFSETS, LOG_GAIN
 from receptance.fit.unknowns import Prior
 from receptance.model.addresses import QUANTITIES, edges_of
 from receptance.model.coordinates import Coordinate
@@ -69,24 +69,46 @@ def _require_receptances(model: Model) -> None:
 
 
 def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    stated = join_names(sorted({amount(size, "kg") for one in model.observations if (size := _mass_at_response(one))}))
+    sizes = [size for observation in model.observations for size in _masses_at_response(observation).values()]
+    stated = join_names(sorted({amount(size, "kg") for size in sizes}))
+    more = (
+        f"the mass at the sensor exceeds the stated {stated} by this size; below zero the stated one is too large by it"
+    )
+    weigh = f"correct the stated {stated}: weigh the sensor with its adapter, wax and cable; a laser has no mass"
     for scope in scopes_of(model):
         yield Variant(
             scope.name,
             partial(_add_sensor, p["mass"], scope),
-            meaning=f"the mass at the sensor exceeds the stated {stated} by this size" if stated else "",
-            remedy=f"correct the stated {stated}: weigh the sensor with its adapter, wax and cable" if stated else "",
+            meaning=more if stated else "",
+            remedy=weigh if stated else "",
         )
 
 
 def _add_sensor(mass: Parameter, scope: Scope, model: Model) -> Model:
-    """Return the model with the mass of a sensor on the structure during some records or all."""
+    """Return the model with the mass of a sensor during some records or all; a stated mass may be too large."""
     # A large structure carries a large sensor.
     tools = {anatomy.tool for anatomy in model.anatomies}
     heaviest = max(sum(model.parts(name)[0].mass for name in tool) for tool in tools)
     largest = max(SENSOR_SHARE * heaviest, mass.plausible[1])
     mass = replace(mass, plausible=(0.0, largest), upper=max(mass.upper, LARGE_SIZE * largest))
-    return model.with_change(_with_sensors).plus(mass.unknown("cause_sensor.mass", **scope.limits(model)))
+    masses = [
+        _masses_at_response(observation)
+        for observation in model.observations
+        if scope == Scope() or scope.has(observation)
+    ]
+    changed = model.with_change(_with_sensors)
+    if not any(masses):
+        return changed.plus(mass.unknown("cause_sensor.mass", **scope.limits(model)))
+    # Where a mass is stated it is the one that changes, so that it ends at zero.
+    addresses = {f"{name}.mass": 1.0 for stated in masses for name in stated}
+    if any(map(model.has, addresses)):
+        raise UndecidableError("the mass of the sensor is an unknown of the model already")
+    if all(masses):
+        least = min(max(stated.values()) for stated in masses)
+        mass = replace(mass, lower=-least, plausible=(-least, largest))
+    else:
+        addresses["cause_sensor.mass"] = 1.0
+    return changed.plus(mass.move(addresses, **scope.limits(model)))
 
 
 def _with_sensors(model: Model) -> Model:
@@ -94,16 +116,25 @@ def _with_sensors(model: Model) -> Model:
 
 
 def _with_sensor(observation: Observation) -> Observation:
+    if _masses_at_response(observation):
+        return observation
     place = observation.response if observation.is_receptance else Coordinate()
     point = PointMass(mass=0.0, part=place.part, position=place.position, name="cause_sensor")
     return altered(observation, assembly=with_points(observation.assembly, point))
 
 
-def _mass_at_response(observation: Observation) -> float:
-    """Return the mass in kg that the model has where the sensor is."""
+def _masses_at_response(observation: Observation) -> dict[str, float]:
+    """Return the largest of the masses in kg that the model has where the sensor is, by its name."""
     place = observation.response if observation.is_receptance else Coordinate()
-    points = [point for point in observation.assembly.attachments.values() if isinstance(point, PointMass)]
-    return sum(point.mass for point in points if (point.part, point.position) == (place.part, place.position))
+    first = next(iter(observation.assembly.elements))
+    masses = {
+        name: point.mass
+        for name, point in observation.assembly.attachments.items()
+        if isinstance(point, PointMass)
+        and point.mass > 0.0
+        and (point.part or first, point.position) == (place.part or first, place.position)
+    }
+    return dict(sorted(masses.items(), key=lambda pair: -pair[1])[:1])
 
 
 def _offset(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -205,9 +236,23 @@ def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if not model.receptances:
         yield Variant("in natural frequencies", partial(_scale_time, p["log_scale"], 2.0, Scope()))
         return
+    offsets = {integrations: address for address, integrations in FREQUENCY_OFFSETS.items()}
     for scope, number in _by_recorded(model):
         name = _within(f"in {_RECORDED[number]}", scope)
         yield Variant(name, partial(_scale_time, p["log_scale"], 2.0 - number, scope))
+    for scope, number in _by_recorded(model):
+        yield Variant(
+            _within(f"a constant, in {_RECORDED[number]}", scope),
+            partial(_shift_lines, p["offset"], offsets[number], scope),
+            meaning="the frequency axis is off by a constant, half a line for example",
+            remedy="compare the first lines of the file with those of the analyser, and its spacing with 1 / duration",
+        )
+
+
+def _shift_lines(offset: Parameter, address: str, scope: Scope, model: Model) -> Model:
+    if any(record.force is not None or record.ends is not None for record in model.receptances):
+        raise UndecidableError("the lines of a stepped sine, and of a record that ends too early, have no offset")
+    return _add_unknown(offset, address, scope, model)
 
 
 def _by_recorded(model: Model) -> Iterator[tuple[Scope, int]]:
@@ -233,10 +278,19 @@ def _scale_time(scale: Parameter, mass: float, scope: Scope, model: Model) -> Mo
 def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     _require_receptances(model)
     require_no_table(model, f"{_NOT_COMPLEX}, or repeat one measurement without a window")
+    rate, meaning = p["decay_rate"], ""
+    # A window that was not applied, or has another rate, is stated in the lines.
+    stated = min(-2.0 * math.pi * float(record.frequency_hz[0].imag) for record in model.receptances)
+    if stated > 0.0:
+        rate = replace(rate, lower=-stated, plausible=(-stated, rate.plausible[1]))
+        meaning = (
+            f"the rate of the exponential window exceeds the stated {amount(stated, '1/s')} by this size; below zero "
+            "the stated one is too large by it"
+        )
     addresses = {integrations: address for address, integrations in DECAY_RATES.items()}
     for scope, number in _by_recorded(model):
         name = _within(f"on {_RECORDED[number]}", scope)
-        yield Variant(name, partial(_add_unknown, p["decay_rate"], addresses[number], scope))
+        yield Variant(name, partial(_add_unknown, rate, addresses[number], scope), meaning=meaning)
 
 
 def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -462,6 +516,7 @@ MEASUREMENT_CAUSES = (
                 typical=4e-3,
                 plausible=(-0.02, 0.02),
             ),
+            Parameter(name="offset", unit="Hz", lower=-30.0, upper=30.0, typical=1.0, plausible=(-12.0, 12.0)),
         ),
         change=_scale,
         meaning="the sample clock is off: the true frequencies are a multiple of the stated ones",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -148,7 +148,7 @@ def _other_first_section(p: Mapping[str, Parameter], model: Model) -> Iterator[V
         yield Variant("first section", partial(_change_first_section, p["log_diameter"]))
         return
     # The end of the section cannot pass a place on the tool, so it lies between two of them.
-    for low in (0.0, *(place for place in model.places(tip) if 0.0 < place < _longest_section(parts))):
+    for low in (0.0, *(place for place in model.places(tip) if 0.0 < place < longest_first_section(parts))):
         name = "from the tip" + (f", ending beyond {1e3 * low:g} mm" if low else "")
         yield Variant(name, partial(_add_first_section, p, low))
 
@@ -159,14 +159,15 @@ def _change_first_section(diameter: Parameter, model: Model) -> Model:
     return model.plus(diameter.move({f"{model.tip}.segment[0].outer_diameter": 1.0}, relative=True))
 
 
-def _longest_section(parts: Sequence[Part]) -> float:
+def longest_first_section(parts: Sequence[Part]) -> float:
+    """Return the length in m that a change at the tip may reach in the first section of every part."""
     return 0.95 * min(part.segments[0].length for part in parts)
 
 
 def _add_first_section(p: Mapping[str, Parameter], low: float, model: Model) -> Model:
     """Return the model with another section from the tip, that ends between a place on the tool and the next one."""
     tip = model.tip
-    longest = _longest_section(model.parts(tip))
+    longest = longest_first_section(model.parts(tip))
     high = min([longest, *(place for place in model.places(tip) if place > low + SAME_PLACE)])
     if high - low < FLUTE_ROOM:
         raise IndescribableError(f"no section of its own can end beyond {1e3 * low:g} mm on {tip}")
@@ -211,19 +212,40 @@ def _make_of_metal(addresses: list[str], assembly: Assembly) -> Assembly:
     return assembly.replace({address: METAL_MODULUS for address in addresses if covered(address, assembly)})
 
 
-def _shear(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    yield Variant("all parts", partial(_move_ratios, p["poisson_ratio"]))
+def _sides(model: Model) -> list[str]:
+    return [side for side in ("tool", "holder") if any(getattr(anatomy, side) for anatomy in model.anatomies)]
 
 
-def _move_ratios(ratio: Parameter, model: Model) -> Model:
-    stated = [
-        observation.assembly.get(address)
+def _of_sides(change: Callable[..., Model], p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    """Yield a change of all parts, and of the tool and the holder alone; it gets the parameter and the sides."""
+    (parameter,) = p.values()
+    sides = _sides(model)
+    yield Variant("all parts", partial(change, parameter, sides))
+    for side in sides if len(sides) > 1 else ():
+        yield Variant(f"all of the {side}", partial(change, parameter, [side]))
+
+
+def _stated_along(model: Model, moves: Mapping[str, float]) -> list[float]:
+    """Return the stated values of the parameters that moves change."""
+    return [
+        observation.assembly.get(name)
         for observation in model.observations
-        for address in observation.assembly.parameters
-        if address.endswith(".poisson_ratio")
+        for address in moves
+        for name in covered(address, observation.assembly)
     ]
-    sides = [side for side in ("tool", "holder") if any(getattr(a, side) for a in model.anatomies)]
+
+
+def _move_losses(loss: Parameter, sides: Sequence[str], model: Model) -> Model:
+    moves = {address: 1.0 for side in sides for address in _everywhere(model, side, "loss_factor")}
+    if any(model.has(address) for address in moves):
+        raise UndecidableError("a loss factor of the material is an unknown of the model already")
+    least = max(loss.lower, -min(_stated_along(model, moves)))
+    return model.plus(replace(loss, lower=least, plausible=(least, loss.plausible[1])).move(moves))
+
+
+def _move_ratios(ratio: Parameter, sides: Sequence[str], model: Model) -> Model:
     moves = {address: 1.0 for side in sides for address in _everywhere(model, side, "poisson_ratio")}
+    stated = _stated_along(model, moves)
     lower, upper = max(ratio.lower, -0.98 - min(stated)), min(ratio.upper, 0.499 - max(stated))
     if lower >= 0.0 or upper <= 0.0:
         raise UndecidableError("Poisson's ratio is at its limit")
@@ -277,7 +299,7 @@ def _other_material(p: Mapping[str, Parameter], model: Model) -> Iterator[Varian
     fields = ("youngs_modulus", "density", "poisson_ratio")
     if any(model.has(address) for field in fields for address in _everywhere(model, "tool", field)):
         raise UndecidableError("modulus or density of the tool is an unknown of the model already")
-    stated = _stated_material(model)
+    stated = stated_material(model)
     for material in TOOL_MATERIALS:
         log_modulus, log_density = material.relative_to(stated)
         if abs(log_modulus) <= ORDINARY_MODULUS and abs(log_density) <= ORDINARY_DENSITY:
@@ -291,7 +313,7 @@ def _other_material(p: Mapping[str, Parameter], model: Model) -> Iterator[Varian
         )
 
 
-def _stated_material(model: Model) -> Material:
+def stated_material(model: Model) -> Material:
     """Return the material of the tool, of which the elastic properties and the density are those of all its parts."""
     parts = dict.fromkeys(name for anatomy in model.anatomies for name in anatomy.tool)
     materials = [segment.material for name in parts for part in model.parts(name) for segment in part.segments]
@@ -303,7 +325,7 @@ def _stated_material(model: Model) -> Material:
 
 
 def _use_material(material: ToolMaterial, p: Mapping[str, Parameter], model: Model) -> Model:
-    stated = _stated_material(model)
+    stated = stated_material(model)
     log_modulus, log_density = material.relative_to(stated)
     moduli = dict.fromkeys(_everywhere(model, "tool", "youngs_modulus"), 1.0)
     densities = dict.fromkeys(_everywhere(model, "tool", "density"), 1.0)
@@ -435,9 +457,20 @@ PART_CAUSES = (
         title="shear of the beams",
         group="structure",
         parameters=(Parameter(name="poisson_ratio", unit="", lower=-1.3, upper=1.5, typical=0.05),),
-        change=_shear,
+        change=partial(_of_sides, _move_ratios),
         meaning="the beams shear more or less than modelled",
         remedy="use the shear modulus and the shear coefficient of the section",
+    ),
+    Cause(
+        id="material_loss",
+        title="loss factor of the material",
+        group="structure",
+        parameters=(
+            Parameter(name="loss_factor", unit="", lower=-0.05, upper=0.3, typical=2e-3, plausible=(-0.05, 0.05)),
+        ),
+        change=partial(_of_sides, _move_losses),
+        meaning="the material of tool or holder loses more or less energy than its stated loss factor",
+        remedy="measure the blank alone, free-free, and take the loss factor from its damping",
     ),
     Cause(
         id="tool_material",

@@ -68,10 +68,14 @@ def facts(verdict: Verdict) -> list[Fact]:
         text = f"{capital(other.meaning)} {other.variant} explains the data; it is not a known cause."
         shown += [Fact("Place", (text,)), *_size_and_remedy(other)]
     elif verdict.verdict == "unexplained":
-        plausible = [cause for cause in verdict.candidates if cause.plausible and cause.evidence > verdict.threshold]
-        for near in plausible[:1]:
-            text = f"{capital(near.title)}{_at(near)} comes nearest: {near.meaning}."
-            text += f" It leaves {_residuals_of(verdict, near.misfit)}."
+        # A wrong cause with a plausible size is no better than the right one with an unusual size.
+        near = next((cause for cause in verdict.candidates if cause.evidence > verdict.threshold), None)
+        if near is not None:
+            doubt = "" if near.plausible else f" It is doubted because of its size: {near.vetoed}."
+            text = (
+                f"{capital(near.title)}{_at(near)} comes nearest: {near.meaning}. It leaves "
+                f"{_residuals_of(verdict, near.misfit)}.{doubt}"
+            )
             shown += [Fact("Nearest cause", (text,)), Fact("Size", (f"{near.sizes or 'no parameter'}.",))]
     if verdict.bias is not None:
         shown.append(Fact("Held out", (f"{capital(str(verdict.bias))}.",)))

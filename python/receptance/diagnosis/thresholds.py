@@ -97,8 +97,10 @@ LEAST_CONTINUED = 12
 
 # Alternatives that are not causes.
 
-ALTERNATIVE_PLACES = (0.15, 0.3, 0.5, 0.7, 0.85)
-"""Places on tool and holder, as shares of the length."""
+ALTERNATIVE_PLACES = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+"""Places on tool and holder, as shares of the length, of the shortest one where a tool has several overhangs."""
+ALTERNATIVE_PIECES = 6
+"""Pieces of tool and holder that may be heavier, stiffer or thicker."""
 SOFT_LENGTH = 1e-3
 """Length in m of a section with a reduced diameter."""
 TAPER_CYLINDERS = 6

@@ -7,7 +7,11 @@ deviations of relative errors; S contains standard deviations of absolute errors
 A measured receptance is H(w - i sigma) (1 + sigma / (i w))^q exp(g - i w tau), with the parameters of its measuring
 chain: a calibration gain exp(g), a delay tau between the channels, and the rate sigma of an exponential window on both.
 The window acts on the recorded quantity; software that ignores it divides by (i w)^q instead of (i w + sigma)^q, where
-q is 2 for accelerations, 1 for velocities and 0 for displacements.
+q is 2 for accelerations, 1 for velocities and 0 for displacements. Stated frequencies that are too high by d give
+H(w - d) ((w - d) / w)^q. Amplifiers and filters add an exponent a and a slope b of the level, a constant phase p, a low
+pass of first order with the time constant T and a high pass with the corner c:
+(w / w0)^a exp(b w + i p) / (1 + i w T) / (1 + c / (i w)), with w0 at 1 kHz. A negative T or c is a filter in the
+channel of the force, with its inverse.
 """
 
 from __future__ import annotations
@@ -39,7 +43,34 @@ DECAY_RATES = {
 """Rates in 1/s of an exponential window on both channels, and the number of integrations of the recorded quantity."""
 END = "observation.end"
 """Time in s after the hit at which a truncated record ended."""
-FACTORS = (LOG_GAIN, DELAY, *DECAY_RATES, END)
+FREQUENCY_OFFSETS = {
+    "observation.frequency_offset": 2,
+    "observation.frequency_offset_of_velocity": 1,
+    "observation.frequency_offset_of_displacement": 0,
+}
+"""By how many Hz the stated frequencies are too high, and the number of integrations of the recorded quantity."""
+LEVEL_EXPONENT = "observation.level_exponent"
+"""Exponent of the frequency in the level."""
+LEVEL_SLOPE = "observation.level_slope"
+"""Slope in s of the natural logarithm of the level over the angular frequency."""
+PHASE = "observation.phase"
+"""Angle in rad by which the response leads at all frequencies."""
+LOW_PASS = "observation.low_pass"
+"""Time constant in s of a low pass of first order."""
+HIGH_PASS = "observation.high_pass"
+"""Corner in rad/s of a high pass of first order."""
+FACTORS = (
+    LOG_GAIN,
+    DELAY,
+    *DECAY_RATES,
+    END,
+    *FREQUENCY_OFFSETS,
+    LEVEL_EXPONENT,
+    LEVEL_SLOPE,
+    PHASE,
+    LOW_PASS,
+    HIGH_PASS,
+)
 """Parameters of the measuring chain, in the order of the core; zero unless they are fitted."""
 
 

@@ -32,6 +32,14 @@ PARAMETERS = {
     "decay_rate_of_velocity": units.DECAY_RATE,
     "decay_rate_of_displacement": units.DECAY_RATE,
     "end": units.TIME,
+    **dict.fromkeys(
+        ("frequency_offset", "frequency_offset_of_velocity", "frequency_offset_of_displacement"), units.FREQUENCY_SHIFT
+    ),
+    "level_exponent": units.LEVEL_EXPONENT,
+    "level_slope": units.DELAY,
+    "phase": units.PHASE,
+    "low_pass": units.DELAY,
+    "high_pass": units.CORNER,
 }
 """Quantities of all parameters by the last word of their addresses."""
 

@@ -367,7 +367,9 @@ impl Model {
     ///     unknown of -1 is none; without the first one a is a number.
     /// factors : (n, 2), optional
     ///     Factors of the measurement: kind (0 logarithm of a gain, 1 delay, 2 to 4 decay rate of a record integrated
-    ///     twice, once, not at all, 5 end of a truncated record) and address.
+    ///     twice, once, not at all, 5 end of a truncated record, 6 to 8 offset of the frequencies of a record integrated
+    ///     twice, once, not at all, 9 exponent of the level, 10 slope of the level, 11 phase, 12 low pass, 13 high pass)
+    ///     and address.
     #[pyo3(signature = (rates, present, addresses, factors=None))]
     fn tied(
         &self,
@@ -376,13 +378,21 @@ impl Model {
         addresses: PyReadonlyArray2<'_, f64>,
         factors: Option<PyReadonlyArray2<'_, f64>>,
     ) -> PyResult<TiedModel> {
-        const KINDS: [Factor; 6] = [
+        const KINDS: [Factor; 14] = [
             Factor::LogGain,
             Factor::Delay,
             Factor::DecayRate(2),
             Factor::DecayRate(1),
             Factor::DecayRate(0),
             Factor::End,
+            Factor::Offset(2),
+            Factor::Offset(1),
+            Factor::Offset(0),
+            Factor::LevelExponent,
+            Factor::LevelSlope,
+            Factor::Phase,
+            Factor::LowPass,
+            Factor::HighPass,
         ];
         let width = addresses.as_array().ncols();
         if width < 4 || width % 2 == 1 {
@@ -399,7 +409,7 @@ impl Model {
             for row in table("factors", factors, 2)?.chunks_exact(2) {
                 let kind = KINDS
                     .get(index("factors", row[0])?)
-                    .ok_or_else(|| PyValueError::new_err("factors: the kind is none of 0 to 5"))?;
+                    .ok_or_else(|| PyValueError::new_err("factors: the kind is none of 0 to 13"))?;
                 between.push((*kind, index("factors", row[1])?));
             }
         }

@@ -18,6 +18,7 @@ from blind.generator.records import Setup, Signal, measure
 
 from .channel_errors import CHANNEL_ERRORS
 from .clamping_errors import CLAMPING_ERRORS
+from .covered_errors import COVERED_ERRORS
 from .description_errors import DESCRIPTION_ERRORS
 from .file_errors import FILE_ERRORS
 from .hit_errors import HIT_ERRORS
@@ -26,7 +27,9 @@ from .kind import Change, Draw, Kind, restated
 NEIGHBOURS = {
     kind.id: kind for kind in (*HIT_ERRORS, *CHANNEL_ERRORS, *DESCRIPTION_ERRORS, *CLAMPING_ERRORS, *FILE_ERRORS)
 }
-"""All kinds of ordinary errors by id."""
+"""All kinds of ordinary errors that the catalogue does not contain, by id."""
+COVERED = {kind.id: kind for kind in COVERED_ERRORS}
+"""Kinds that it contains by now, by id."""
 BENCH, ERROR, HITS, DISTURBED = 84, 85, 86, 87
 """Streams of random numbers: what is measured, the error, the hits of a record, and what the error does to each hit."""
 STRIDE = 37
@@ -73,7 +76,7 @@ def draw_neighbour(
     seed, index : int
         Seed and number of the case.
     id : str
-        Which kind of error, one of `NEIGHBOURS`.
+        Which kind of error, one of `NEIGHBOURS` or `COVERED`.
     u : float, optional
         Size of the error from 0, no change, to 1, large; drawn where not given.
     quick : bool, optional
@@ -81,7 +84,7 @@ def draw_neighbour(
     noise : bool, optional
         Whether the channels have noise. All else is equal.
     """
-    kind = NEIGHBOURS[id]
+    kind = NEIGHBOURS.get(id) or COVERED[id]
     rng = np.random.default_rng([seed, index, ERROR])
     # As a square, so that half of the sizes are below a quarter: large errors are obvious.
     drawn = float(rng.uniform()) ** 2

@@ -6,6 +6,7 @@ Sizes are from no change to:
   ropes of 90 Hz each; a rope of 60 Hz on the tool; a hand of 0.25 kg that is damped like 40 % of critical at 50 Hz;
 - foam at the tip with 2e5 N/m and 5 N s/m; a cable tie of 2.5 g and 3 N s/m on the tool; a rubber ring of 4 g on the
   tool, with a resonance at 0.5 to 2.5 kHz; a magnet of 150 g on the holder; a stop screw of 20 g behind the shank;
+- a table on which the holder leans in one configuration, with 5e5 N/m;
 - one mode with a damping ratio larger by 0.01;
 - a chip in the bore of one configuration: rotational stiffness lower by half, the other one by 30 %, and a coupling of
   up to 0.2; a nut not tightened in one configuration: stiffness lower by half, damping larger by a factor of 2.5; a
@@ -100,6 +101,16 @@ def _magnet_on_holder(d: Draw) -> Change:
 
 def _stop_screw(d: Draw) -> Change:
     return Change(structure=added(point("screw", "holder", d.numbers["holder.0.length"], mass=0.02 * d.u)))
+
+
+def _leaning_holder(d: Draw) -> Change:
+    here, place = in_configuration(d.configuration()), d.within(0.4, 0.9) * _whole(d)
+
+    def structure(p: Numbers, where: Where) -> None:
+        if here(where):
+            p |= point("table", "holder", place, k=5e5 * d.u, c=10.0 * d.u)
+
+    return Change(structure=structure)
 
 
 def _lossy_mode(d: Draw) -> Change:
@@ -223,6 +234,8 @@ CLAMPING_ERRORS = (
     Kind("rubber_ring", "clamping", "A rubber ring is around the tool.", _rubber_ring),
     Kind("magnet_on_holder", "clamping", "The magnet of a dial gauge is on the holder.", _magnet_on_holder),
     Kind("stop_screw", "clamping", "A stop screw is in the bore behind the shank.", _stop_screw),
+    Kind("leaning_holder", "clamping", "In one configuration the holder leans on a table.", _leaning_holder,
+         right=("suspension",)),
     Kind("lossy_mode", "clamping", "One mode loses energy into something beside the holder.", _lossy_mode),
     Kind("chip_in_bore", "clamping", "In one configuration a chip is in the bore.", _chip_in_bore),
     Kind("loose_nut", "clamping", "In one configuration the nut was not tightened.", _loose_nut),

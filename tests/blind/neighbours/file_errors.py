@@ -6,13 +6,13 @@ Sizes are from no change to:
 - real and imaginary parts with fixed decimals, the last one 3e-4 of the largest value; levels in steps of 1 dB with
   phases in steps of 5 degrees; frequencies in steps of 6 Hz, for lines at least 8 Hz apart;
 - time records cut 30 ms after the hit and filled with zeros; lines of one file from 60 % of the band on filled with the
-  last value or with a tiny one;
+  last value or with a tiny one; one value lost in every file, at the end or as early as at 30 % of the band;
 - lines interpolated between every fifth one; a moving average over nine lines; twelve corrupted lines in one record.
 
 What has no size: a file copied over another one; files of two configurations exchanged; one record in g, pounds, inches
 or millimetres; displacements calculated with Hz for rad/s; one frequency axis in rad/s, or divided by 2 pi twice;
-conjugated files; degrees read as radians in one file; exchanged columns; one file of another quantity; one record that
-ends while the structure rings, after 40 to 150 ms.
+conjugated files; degrees read as radians in one file; exchanged columns; one file of
+another quantity; one record that ends while the structure rings, after 40 to 150 ms.
 
 A wrong overhang is a right answer where the records are of another overhang than stated, whatever mixed them up.
 """
@@ -185,6 +185,14 @@ def _filled_lines(d: Draw) -> Change:
     return _only(d, _in_file(d, filled))
 
 
+def _lost_line(d: Draw) -> Change:
+    def shortened(values: Values) -> Values:
+        lost = round((1.0 - 0.7 * d.u) * (values.size - 1))
+        return np.append(np.delete(values, lost), values[-1])
+
+    return Change(analysis=_in_file(d, shortened))
+
+
 def _interpolated(d: Draw) -> Change:
     step = 1 + round(4.0 * d.u)
 
@@ -258,6 +266,8 @@ FILE_ERRORS = (
     Kind("cut_time_records", "file", "The time records were cut and filled with zeros.", _cut_time_records,
          right=("coarse_resolution",)),
     Kind("filled_lines", "file", "The upper lines of one file are filled.", _filled_lines),
+    Kind("lost_line", "file", "A program lost one value of every file, and later ones stand one line too low.",
+         _lost_line),
     Kind("interpolated", "file", "The lines of the files are interpolated.", _interpolated),
     Kind("smoothed", "file", "The files are moving averages.", _smoothed),
     Kind("corrupted_lines", "file", "Some lines of one file are corrupted.", _corrupted_lines),

@@ -9,7 +9,7 @@ Sizes are from no change to:
 - a zero shift of the sensor by 0.5 % of the peak acceleration that decays in 0.1 to 1 s;
 - a range of the converter that leaves eight bits for the strongest hit;
 - a tip so soft that the pulse is ten times as long at the same peak, with the noise of the channels unchanged;
-- a stated exponential window of 20 1/s that was not applied, and one of 15 1/s on one record that is not stated;
+- an exponential window of 15 1/s on one record that is not stated;
 - one channel of one record late by one sample of 25.6 kHz.
 
 A trigger after 5 to 40 % of the pulse with nothing before it, a Hamming window in place of none, and exchanged channels
@@ -139,17 +139,6 @@ def _hamming_window(d: Draw) -> Change:
     return Change(hits=hits)
 
 
-def _window_not_applied(d: Draw) -> Change:
-    rate = 20.0 * d.u
-
-    def analysis(e: Estimate, p: Numbers, where: Where) -> Estimate:
-        # The file holds accelerances, which the stated rate makes another receptance.
-        s = 2j * np.pi * e.frequency_hz + e.decay_rate
-        return replace(e, receptance=e.receptance * (s / (s + rate)) ** 2, decay_rate=e.decay_rate + rate)
-
-    return Change(analysis=analysis)
-
-
 def _window_of_one_record(d: Draw) -> Change:
     here = d.record()
 
@@ -192,8 +181,6 @@ HIT_ERRORS = (
          slight="the coherence tells which lines are noise"),
     Kind("hamming_window", "measurement", "The analyser has a Hamming window from the last job.", _hamming_window,
          sized=False),
-    Kind("window_not_applied", "measurement", "An exponential window is stated that was not applied.",
-         _window_not_applied),
     Kind("window_of_one_record", "measurement", "One record has an exponential window that is not stated.",
          _window_of_one_record, right=("exponential_window",)),
     Kind("late_channel", "measurement", "In one record one channel is late.", _late_channel, right=("time_delay",)),

@@ -2,7 +2,8 @@
 //!
 //! A measured receptance is H(w - i sigma) F with factors F = exp(g - i w tau) (1 + sigma / (i w))^q of the measurement:
 //! a gain, a delay, an exponential window on the record. H of a truncated record is that of the
-//! recorded part of the response, see `truncation`.
+//! recorded part of the response, see `truncation`. Where the stated lines are too high by d, it is H(w - d), and the
+//! q integrations of the record at w leave a factor ((w - d) / w)^q. Amplifiers change level and phase slowly with w.
 
 use crate::error::{Error, Result};
 use crate::line::amplitude::receptance;
@@ -14,10 +15,14 @@ use crate::modes::poles::complex_frequencies;
 use crate::observe::ties::{At, Factor, Tied};
 use crate::observe::truncation::{Recorded, Sums, Truncation};
 use crate::threads::on_threads;
+use core::f64::consts::TAU;
 use core::ops::Range;
 use num_complex::Complex64;
 use pulp::Arch;
 use std::sync::Arc;
+
+/// Angular frequency at which an exponent of the level changes nothing [rad/s].
+const LEVEL_AT: f64 = TAU * 1000.0;
 
 /// Least time of one sample and response on one line of a truncated record [ns].
 const A_TERM: f64 = 0.2;
@@ -144,6 +149,12 @@ impl Modelled {
             let expected = "zero: a table belongs to the window under which it was measured".to_owned();
             return Err(Error::Index { what, index: 0, value, expected });
         }
+        if chain.offset != 0.0 && !(beyond.is_empty() && truncation.is_none() && force.is_empty()) {
+            let (what, value) = ("frequency offset", chain.offset);
+            let expected =
+                "zero: with a table, an early end or a stepped sine lines have no offset".to_owned();
+            return Err(Error::Index { what, index: 0, value, expected });
+        }
         let request = Request {
             excitations: vec![*excitation],
             responses: vec![*response],
@@ -154,7 +165,7 @@ impl Modelled {
         };
         let evaluated: Vec<Complex64> = match truncation {
             Some(truncation) => truncation.lines(chain.rate),
-            None => w.iter().map(|w| w - Complex64::I * chain.rate).collect(),
+            None => w.iter().map(|w| w - chain.offset - Complex64::I * chain.rate).collect(),
         };
         let lines = Frequencies::complex(&evaluated, 1.0);
         if let Some(truncation) = truncation {
@@ -270,13 +281,16 @@ struct Chain<'a> {
     at: &'a At,
     /// Sum of the decay rates.
     rate: f64,
+    /// By how many rad/s the stated lines are too high.
+    offset: f64,
     /// The entries to differentiate by: those that move, then others through which frequency acts.
     entries: Vec<Parameter>,
     /// Places among these, and weights, which make w dH/dw; none without decay rates.
     frequency: Vec<(usize, f64)>,
 }
 
-/// Derivatives of a receptance, before its factors, by the rate of all windows and by the end of the record.
+/// Derivatives of a receptance, before its factors, by the rate of all windows, which is -i times that by the angular
+/// frequency, and by the end of the record.
 #[derive(Copy, Clone, Default)]
 struct Changes {
     by_rate: Complex64,
@@ -285,10 +299,12 @@ struct Changes {
 
 impl<'a> Chain<'a> {
     fn new(at: &'a At) -> Self {
-        let rates = at.factors.iter().filter(|(factor, _)| matches!(factor, Factor::DecayRate(_)));
+        let sum = |of: fn(&Factor) -> bool| -> f64 {
+            at.factors.iter().filter(|(factor, _)| of(factor)).map(|(_, value)| value).sum()
+        };
         let mut entries = at.entries.clone();
         let mut frequency = Vec::new();
-        if rates.clone().next().is_some() {
+        if at.factors.iter().any(|(factor, _)| matches!(factor, Factor::DecayRate(_) | Factor::Offset(_))) {
             for (entry, weight) in at.model.frequency_weights() {
                 let known = entries.iter().position(|other| *other == entry);
                 let place = known.unwrap_or_else(|| {
@@ -298,7 +314,9 @@ impl<'a> Chain<'a> {
                 frequency.push((place, weight));
             }
         }
-        Self { at, rate: rates.map(|(_, rate)| rate).sum(), entries, frequency }
+        let rate = sum(|factor| matches!(factor, Factor::DecayRate(_)));
+        let offset = TAU * sum(|factor| matches!(factor, Factor::Offset(_)));
+        Self { at, rate, offset, entries, frequency }
     }
 
     /// w dH/dw from the derivatives by the entries.
@@ -379,6 +397,12 @@ impl Factor {
             Self::Delay => Complex64::from_polar(1.0, -w.re * value),
             Self::DecayRate(power) => (1.0 + value / (Complex64::I * w)).powi(power),
             Self::End => Complex64::ONE,
+            Self::Offset(power) => (1.0 - TAU * value / w).powi(power),
+            Self::LevelExponent => Complex64::new((w.re / LEVEL_AT).powf(value), 0.0),
+            Self::LevelSlope => Complex64::new((w.re * value).exp(), 0.0),
+            Self::Phase => Complex64::from_polar(1.0, value),
+            Self::LowPass => (1.0 + Complex64::I * w * value.abs()).powf(-value.signum()),
+            Self::HighPass => (1.0 + value.abs() / (Complex64::I * w)).powf(-value.signum()),
         }
     }
 
@@ -389,6 +413,14 @@ impl Factor {
             Self::Delay => Complex64::new(0.0, -w.re),
             Self::DecayRate(power) => relative.by_rate + f64::from(power) / (Complex64::I * w + value),
             Self::End => relative.by_end,
+            Self::Offset(power) => {
+                TAU * (-Complex64::I * relative.by_rate - f64::from(power) / (w - TAU * value))
+            }
+            Self::LevelExponent => Complex64::new((w.re / LEVEL_AT).ln(), 0.0),
+            Self::LevelSlope => Complex64::new(w.re, 0.0),
+            Self::Phase => Complex64::I,
+            Self::LowPass => -Complex64::I * w / (1.0 + Complex64::I * w * value.abs()),
+            Self::HighPass => -1.0 / (Complex64::I * w + value.abs()),
         }
     }
 }

@@ -22,6 +22,18 @@ pub enum Factor {
     DecayRate(i32),
     /// Time in s after the hit at which the record ended.
     End,
+    /// By how many Hz the stated lines are too high, and how many times the record is integrated.
+    Offset(i32),
+    /// Exponent of the frequency in the level.
+    LevelExponent,
+    /// Slope in s of the logarithm of the level over the angular frequency.
+    LevelSlope,
+    /// Angle in rad by which the response leads.
+    Phase,
+    /// Time constant in s of a low pass of first order in the channel of the response; negative in that of the force.
+    LowPass,
+    /// Corner in rad/s of a high pass of first order in the channel of the response; negative in that of the force.
+    HighPass,
 }
 
 /// How fast an entry of a table grows with an address.
