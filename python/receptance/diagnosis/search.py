@@ -194,17 +194,22 @@ class Search:
                 if root is not None:
                     own.evaluations += root.evaluations
                     own.add(own.explain(kept, root))
+                    rivals = self._rivals(root, kept)
+                    same = [
+                        rival for rival in rivals if rival.cause.id == dropped.cause.id and rival.variant != dropped
+                    ]
+                    others = _best_of_each_cause([rival for rival in rivals if rival.cause.id != dropped.cause.id])
                     if self._searched.get(frozenset(kept), math.inf) <= root.chi_square + MARGIN:
-                        continue
-                    rivals = self._rivals(root, kept, dropped)
-                    yield Neighbourhood(kept, root, rivals[:ADDED_CAUSES])
+                        # They have been added to the same fit.
+                        others = []
+                    yield Neighbourhood(kept, root, [*same, *others[:ADDED_CAUSES]])
         if len(best.variants) < self._max_causes and not (best.passed and best.fit.misfit < OVERSTATED):
             rivals = self._rivals(best.fit, best.variants)
             if best.fit.misfit <= SCREENING_LIMIT:
                 limit = max(own.threshold, 0.0)
                 rivals = [rival for rival in rivals if rival.predicted_evidence(own.penalty) > limit]
             least = best.evidence + max(own.threshold, ADDED_EVIDENCE)
-            yield Neighbourhood(best.variants, best.fit, rivals[:ADDED_CAUSES], least=least)
+            yield Neighbourhood(best.variants, best.fit, _best_of_each_cause(rivals)[:ADDED_CAUSES], least=least)
 
     def _others_alone(self, best: Explanation) -> Neighbourhood:
         """Return the causes with an effect like that of a single one, and its other variants.
@@ -236,14 +241,14 @@ class Search:
         """Return the base with causes, fitted from values of unknowns; None where it has no value."""
         return fit_or_none(lambda: refit(extend(self.selection.base.model, variants), values))
 
-    def _rivals(self, root: Fit, kept: Sequence[Variant], dropped: Variant | None = None) -> list[Direction]:
-        """Return the best variant of each cause that can be added to others, the highest predicted evidence first."""
+    def _rivals(self, root: Fit, kept: Sequence[Variant]) -> list[Direction]:
+        """Return the best variants of each cause that can be added to others, the highest predicted evidence first."""
         own, ids = self.selection, {variant.cause.id for variant in kept}
         causes = [cause for cause in self._causes if cause.id not in ids and not cause.changes_data]
         extensions, _ = list_variants(root, causes)
-        effects = directions(root, [pair for pair in extensions if pair[0] != dropped], own.workers)
+        effects = directions(root, extensions, own.workers)
         own.evaluations += len(effects)
-        return first_of_each(rank(effects, own.penalty), lambda effect: effect.cause.id)
+        return rank(effects, own.penalty)
 
     def _race_singles(self) -> None:
         """Screen all causes, and race their best variants, except those that cannot gain where predictions are safe."""
@@ -258,7 +263,7 @@ class Search:
         )
         own.evaluations = base.evaluations + len(own.directions)
         ranked = rank(own.directions, own.penalty)
-        leading = first_of_each(ranked, lambda effect: effect.cause.id)[:LEADING_CAUSES]
+        leading = _best_of_each_cause(ranked)[:LEADING_CAUSES]
         least = self._least_prediction(ranked)
         likely = [
             effect
@@ -364,3 +369,8 @@ class Search:
                 own.tried = best_of_each([*own.tried, explanation])
             if explanation.evidence > neighbourhood.least:
                 own.add(explanation)
+
+
+def _best_of_each_cause(rivals: Sequence[Direction]) -> list[Direction]:
+    """Return the first variant of each cause."""
+    return first_of_each(rivals, lambda rival: rival.cause.id)
