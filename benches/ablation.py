@@ -29,7 +29,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from blind.bridge import Answer, ask
-from blind.generator import Case, draw_case, every
+from blind.generator import CATALOGUE, Case, draw_case, every
 from receptance.diagnosis import judgement, search
 from receptance.diagnosis.causes import Parameter
 from receptance.diagnosis.explanation import Explanation
@@ -67,7 +67,6 @@ RULES = (
     Rule("large sizes as starts", {"LARGE_SIZE": 1.0}),
     Rule("a stiffer joint as start", {"JOINT_FACTOR": 1.0}),
     Rule("blocks of compressed data (120: 60)", {"BLOCKS": 60}),
-    Rule("changes of the data only where factors differ", {"OTHER_QUANTITY": 0.0}),
     Rule("levels from their own starts", {"WORSE_LEVEL": math.inf}),
     Rule("the margin of 10 (5)", {"MARGIN": 5.0}),
     Rule("half of the misfit", {"LEAST_SHARE": 0.0}),
@@ -125,7 +124,10 @@ def diagnose(cases: list[tuple[Case, tuple[str, ...]]]) -> tuple[list[Diagnosis]
 def _judged(answer: Answer, effects: tuple[str, ...]) -> Diagnosis:
     reported = tuple(sorted(answer.reported))
     is_wrong = answer.verdict in CERTAIN and not set(effects) >= set(reported)
+    known = set(effects) <= set(CATALOGUE)
     is_right = not is_wrong and (set(effects) <= set(reported) if effects else answer.verdict == "adequate")
+    # An effect that the catalogue does not contain has no name.
+    is_right = is_right if known else not reported
     return Diagnosis((answer.verdict, reported), is_right, is_wrong)
 
 
@@ -140,7 +142,8 @@ def main() -> int:
     rules = [rule for rule in RULES if not options.rules or any(text in rule.name for text in options.rules)]
     cases = []
     for number, (kind, effects) in enumerate(every(options.cases)):
-        cases.append((draw_case(options.seed, number, kind, tuple(effects))[0], tuple(effects)))
+        case, truth = draw_case(options.seed, number, kind, tuple(effects))
+        cases.append((case, tuple(effect.id for effect in truth.effects)))
     with_all, seconds = diagnose(cases)
     right, wrong = sum(each.is_right for each in with_all), sum(each.is_wrong for each in with_all)
     print(f"{len(cases)} cases, seed {options.seed}: {right} right, {wrong} certain and wrong, {seconds:.0f} s")

@@ -17,7 +17,7 @@ from receptance.diagnosis.by_mode import Bias, ModeResidual, bias_of, curve_of, 
 from receptance.diagnosis.causes import parameters_of, transfer
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
 from receptance.diagnosis.fitting import Fit, refit
-from receptance.diagnosis.judgement import Answer, Judgement, conclude, is_of_one, only_improved
+from receptance.diagnosis.judgement import Answer, Judgement, conclude, is_of_some, only_improved
 from receptance.diagnosis.model import IndescribableError, Model
 from receptance.diagnosis.progress import Progress, in_parallel
 from receptance.diagnosis.text import Reason
@@ -521,7 +521,7 @@ def doubt_prediction(base: Fit, one: Explanation, gain: Gain) -> Reason | None:
     single configuration cannot: without it nothing shows the cause, and the others do not have it. `gain` is the first
     metric of the improvement, an error.
     """
-    if gain.held_out_after < gain.held_out_before or is_of_one(one) or only_improved(base, one) is not None:
+    if gain.held_out_after < gain.held_out_before or is_of_some(base, one) or only_improved(base, one) is not None:
         return None
     if all(fold["before"] == fold["after"] for fold in gain.folds):
         return Reason("not_predicted", {"title": one.title})

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+import numpy as np
+
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import DATA_HOLDER, TABLE
@@ -73,6 +75,8 @@ def _with_share(selection: Selection, judgement: Judgement) -> Judgement:
     further: tuple[Reason, ...] = ()
     if any(variant.cause.unspecific for variant in best.variants):
         code = "share_unspecific"
+    elif is_of_some(selection.base, best):
+        code = "share_of_some"
     elif share < LEAST_SHARE:
         code = "share_small"
     elif judgement.answer == "named":
@@ -197,7 +201,7 @@ def _doubts(selection: Selection, explanation: Explanation, limit: float) -> Ite
         yield doubt("one_configuration", sources=sources, another=another)
     if structure and base.one_mode:
         yield doubt("one_mode")
-    everywhere = not is_of_one(explanation) and all(
+    everywhere = not is_of_some(base, explanation) and all(
         variant.cause.group == "structure" for variant in explanation.variants
     )
     if everywhere and not one_configuration and (only := only_improved(base, explanation)):
@@ -205,14 +209,19 @@ def _doubts(selection: Selection, explanation: Explanation, limit: float) -> Ite
     large = explanation.extraordinary if len(explanation.variants) > 1 else ()
     if large:
         yield doubt("large_sizes", sizes={size: explanation.fit.values[size] for size in large})
-    if len(explanation.variants) > 1 and base.adequacy.misfit <= base.adequacy.limit:
+    fewer = [other.fit for other in selection.explanations if other.ids < explanation.ids]
+    if len(explanation.variants) > 1 and any(fit.adequacy.misfit <= fit.adequacy.limit for fit in (base, *fewer)):
         yield doubt("within_limit")
 
 
-def is_of_one(one: Explanation) -> bool:
-    """Return whether a cause is declared for some configurations or records."""
-    causes = [unknown for unknown in one.fit.model.unknowns if unknown.name in one.parameters]
-    return any(unknown.configurations is not None or unknown.labels is not None for unknown in causes)
+def is_of_some(base: Fit, explanation: Explanation) -> bool:
+    """Return whether a cause acts in some configurations or records and not in all."""
+    causes = [unknown for unknown in explanation.fit.model.unknowns if unknown.name in explanation.parameters]
+    if any(unknown.configurations is not None or unknown.labels is not None for unknown in causes):
+        return True
+    pairs = zip(base.model.receptances, explanation.fit.model.receptances, strict=True)
+    changed = {not np.array_equal(before.receptance, after.receptance) for before, after in pairs}
+    return changed == {True, False}
 
 
 def only_improved(base: Fit, one: Explanation) -> str | None:

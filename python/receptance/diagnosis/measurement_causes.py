@@ -498,7 +498,7 @@ MEASUREMENT_CAUSES = (
         id="calibration_gain",
         title="calibration gain",
         group="measurement",
-        parameters=(Parameter(name="log_gain", unit="", lower=-3.0, upper=3.0, typical=0.03, plausible=(-2.4, 2.4)),),
+        parameters=(Parameter(name="log_gain", unit="", lower=-16.0, upper=16.0, typical=0.03, plausible=(-2.4, 2.4)),),
         change=partial(_chain, LOG_GAIN),
         meaning="the calibration of hammer or sensor is off",
         remedy="calibrate the chain with a known free mass",

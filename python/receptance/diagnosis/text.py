@@ -196,7 +196,7 @@ _DOUBTS = {
         "it improves {configuration} alone, as an effect of that tool or clamping may; measure another configuration"
     ),
     "large_sizes": "{sizes} is large for a cause beside another one; an effect outside the catalogue may imitate both",
-    "within_limit": "the misfit without them is within its limit; an effect outside the catalogue may explain the rest",
+    "within_limit": "without one of them the misfit is within its limit; any other effect may explain the rest",
     "not_predicted": "it is in no prediction of configurations that were left out",
     "not_better": "held-out data are not predicted better ({metric}): {before:.4g} before, {after:.4g} after",
 }
@@ -204,6 +204,7 @@ _DOUBTS = {
 _SHARES = {
     "share_taken": "; the rest has no known cause",
     "share_unspecific": ", but other errors of the structure would have a similar effect",
+    "share_of_some": ", but other errors of these records would have a similar effect",
     "share_small": f", expected at least {100.0 * LEAST_SHARE:.0f} %",
     "share_ambiguous": ", but these cannot be distinguished: {causes}",
     "share_uncertain": ", but this is not certain",
