@@ -28,6 +28,7 @@ from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.contradictions import contradictions
 from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.scopes import Scope, scopes_of
+from receptance.errors import ReceptanceWarning
 from receptance.fit import Tolerance
 from receptance.fit.observation import altered
 from receptance.io import read_frf, write
@@ -172,7 +173,7 @@ def test_a_change_of_the_data_is_tried_only_where_it_brings_its_records_closer()
         "named",
         [("reversed_polarity", "configuration 90 mm")],
     )
-    tried = [one.variant.name for one in verdict.selection.directions if one.cause.changes_data]
+    tried = [one.variant.name for one in verdict.selection.directions if one.cause.id == "reversed_polarity"]
     assert tried == ["configuration 90 mm"]
     right = diagnose(RECORDS, JOINT, tolerances=TOLERANCES, causes=causes, threads=1)
     assert right.verdict == "adequate"
@@ -293,3 +294,44 @@ def test_causes_that_cannot_be_tried_are_in_the_text_by_reason() -> None:
     text = verdict.summary(80)
     assert "no part is described as rigid" in " ".join(text.split())
     assert max(map(len, text.splitlines())) <= 80
+
+
+def test_conjugate_files_of_a_campaign_are_named_and_read_as_such(tmp_path: Path) -> None:
+    """The other sign of the exponent in time; the extended campaign has the line that the user would write."""
+    folder = tmp_path / "free"
+    examples.write("free-free", folder)
+    for path in folder.glob("*.csv"):
+        frf = read_frf(path)
+        write(path, frf.with_(values=frf.values.conj()))
+    with pytest.warns(ReceptanceWarning):
+        read = campaign.load(folder / "campaign.toml")
+    verdict = read.diagnose(causes=["wrong_quantity", "reversed_polarity", "frequency_scale"])
+    extended = campaign.write_extended(read, verdict, folder / "extended.toml")
+    assert (verdict.verdict, [(one.id, one.variant) for one in verdict.causes]) == (
+        "named",
+        [("wrong_quantity", "complex conjugate")],
+    )
+    assert "conjugate = true" in Path(extended).read_text(encoding="utf-8")
+    assert campaign.load(extended).identify().adequacy.passed
+
+
+def test_a_record_with_a_tool_that_slipped_has_no_wrong_name() -> None:
+    """A clock that is off in that record alone would have nearly the same effect."""
+    slipped = record("c", 0.0902, TIP, TIP, seed=3)
+    stated = next(one for one in RECORDS if one.label == "c")
+    data = [altered(one, receptance=slipped.receptance) if one is stated else one for one in RECORDS]
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, threads=1)
+    assert verdict.verdict in ("unexplained", "suspected", "ambiguous")
+    places = [alternative.explanation.place for alternative in verdict.alternatives[:3]]
+    assert any("another overhang in the record c" in place for place in places), places
+
+
+def test_a_record_in_other_units_is_a_gain_of_unusual_size() -> None:
+    """A factor of 1000 between millimetres and metres."""
+    data = [altered(one, receptance=1e3 * one.receptance) if one.label == "c" else one for one in RECORDS]
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, threads=1)
+    assert (verdict.verdict, [(one.id, one.variant) for one in verdict.causes]) == (
+        "suspected",
+        [("calibration_gain", "record c")],
+    )
+    assert verdict.causes[0].parameters["calibration_gain.log_gain record c"][0] == pytest.approx(np.log(1e3), abs=0.01)

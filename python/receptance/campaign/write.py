@@ -365,6 +365,11 @@ def _write_measurement(data: dict[str, Any], name: str, one: _Extended, seen: bo
         direction = own.get("direction", "+y")
         table["response"] = {**own, "direction": direction.translate(str.maketrans("+-", "-+"))}
         return
+    if np.array_equal(found.receptance, given.receptance.conj()) and not np.array_equal(
+        found.receptance, given.receptance
+    ):
+        table["conjugate"] = not table.get("conjugate", False)
+        return
     times = _integrations(given, found)
     if times:
         table["integrate"] = int(table.get("integrate", 0)) + times

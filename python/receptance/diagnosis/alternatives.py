@@ -18,6 +18,7 @@ from receptance.diagnosis.boundary_causes import RESONATOR_PARAMETERS, resonance
 from receptance.diagnosis.causes import Cause, Group, Parameter, Variant
 from receptance.diagnosis.model import IndescribableError, Model, UndecidableError, with_points
 from receptance.diagnosis.part_causes import TOOL_MATERIALS, ToolMaterial, longest_first_section, stated_material
+from receptance.diagnosis.scopes import Scope, scopes_of
 from receptance.diagnosis.thresholds import (
     ALTERNATIVE_PIECES,
     ALTERNATIVE_PLACES,
@@ -31,6 +32,7 @@ from receptance.diagnosis.thresholds import (
 from receptance.fit.parameters import HIGH_PASS, LEVEL_EXPONENT, LEVEL_SLOPE, LOW_PASS, PHASE
 from receptance.fit.unknowns import Prior
 from receptance.model.addresses import edges_of
+from receptance.model.anatomy import overhang_of
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part
 from receptance.model.joints import GroundSpring, PointMass
@@ -266,6 +268,30 @@ def _soften(part: str, position: float, diameter: Parameter, model: Model) -> Mo
     return _move(diameter, {f"{part}.segment[{index - 1}].outer_diameter": 1.0}, ended)
 
 
+def _other_tool(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    """Yield a tool that is another one, or has another overhang, in some records."""
+    scopes = [scope for scope in scopes_of(model) if scope.kind in ("configuration", "record")]
+    if not scopes:
+        raise UndecidableError("there are no FRFs, or a single one: measure several")
+    pairs = zip(model.observations, model.anatomies, strict=True)
+    overhangs = {overhang_of(observation.assembly, anatomy) for observation, anatomy in pairs if anatomy.joint}
+    fields = {"log_density": f"{model.tip}.segment[*].density", "log_modulus": f"{model.tip}.segment[*].youngs_modulus"}
+    for scope in scopes:
+        for name, address in fields.items():
+            if not model.has(address):
+                change = partial(_change_in, scope, {address: 1.0}, p[name], relative=True)
+                yield Variant(f"of another {name.removeprefix('log_')} in the {scope.name}", change)
+        if len(overhangs) == 1 and not any(map(model.has, overhangs)):
+            change = partial(_change_in, scope, dict.fromkeys(overhangs, 1.0), p["length"], relative=False)
+            yield Variant(f"of another overhang in the {scope.name}", change)
+
+
+def _change_in(
+    scope: Scope, moves: Mapping[str, float], parameter: Parameter, model: Model, *, relative: bool
+) -> Model:
+    return model.plus(parameter.move(moves, relative=relative, **scope.limits(model)))
+
+
 def _resonator(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     yield from resonances(p, model, _tip, f"on the tip of {model.tip}")
 
@@ -356,6 +382,15 @@ ALTERNATIVES = (
         meaning="something that holds or rubs",
         anywhere=True,
         remedy="look for what touches tool or holder: a cable, foam, a hand, a support",
+    ),
+    _alternative(
+        "other_tool",
+        _other_tool,
+        Parameter(name="log_density", unit="", lower=-1.0, upper=1.0, typical=0.02),
+        Parameter(name="log_modulus", unit="", lower=-1.0, upper=1.0, typical=0.02),
+        Parameter(name="length", unit="m", lower=-2e-3, upper=2e-3, typical=2e-4),
+        meaning="a tool",
+        remedy="compare the records: another blank of the same name, or a tool that slipped between them",
     ),
     _alternative(
         "body_on_the_tip",

@@ -81,13 +81,12 @@ def _resonate(p: Mapping[str, Parameter], place: Place, frequency: float, model:
     angular = 2.0 * math.pi * frequency
     # No mode is measured outside the lines: a spring to ground or a mass has the same effect there.
     frequency_factor = replace(p["log_frequency"], plausible=(math.log(low / frequency), math.log(high / frequency)))
-    resonator = Resonator(mass=0.0, k_y=1.0, part=part, position=position, name="cause_resonator")
+    name = f"{p['mass'].cause}_resonator"
+    resonator = Resonator(mass=0.0, k_y=1.0, part=part, position=position, name=name)
     return model.with_change(Model.attach, resonator).plus(
-        p["mass"].unknown(
-            "cause_resonator.mass", also={"cause_resonator.k_y": angular**2, "cause_resonator.c_y": 0.02 * angular}
-        ),
-        frequency_factor.move({"cause_resonator.k_y": 2.0, "cause_resonator.c_y": 1.0}, relative=True),
-        p["log_damping"].move({"cause_resonator.c_y": 1.0}, relative=True),
+        p["mass"].unknown(f"{name}.mass", also={f"{name}.k_y": angular**2, f"{name}.c_y": 0.02 * angular}),
+        frequency_factor.move({f"{name}.k_y": 2.0, f"{name}.c_y": 1.0}, relative=True),
+        p["log_damping"].move({f"{name}.c_y": 1.0}, relative=True),
     )
 
 

@@ -404,6 +404,19 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
             "that is there already is added to it)",
         )
 
+    for scope in scopes_of(model):
+        yield Variant(
+            _within("complex conjugate", scope),
+            partial(scope.change, change=_conjugate),
+            meaning="the files are written for the other sign of the exponent in time",
+            remedy="in Python `frf.conjugated()` before the FRF is used, in a campaign the line `conjugate = true` in "
+            "the tables of these measurements",
+        )
+
+
+def _conjugate(record: Observation) -> Observation:
+    return altered(record, receptance=record.receptance.conj())
+
 
 def _integrate(order: int, record: Observation) -> Observation:
     return altered(record, receptance=record.receptance / (2j * np.pi * record.frequency_hz) ** order)
