@@ -12,7 +12,7 @@ import pytest
 
 from blind.bridge import ask
 from blind.generator.effects import ACTS, Where, draw_effect
-from blind.neighbours import NEIGHBOURS, Kind, draw_neighbour
+from blind.neighbours import COVERED, NEIGHBOURS, Kind, draw_neighbour
 from blind.neighbours.kind import Change, Draw
 from blind.seeds import fresh_seed
 
@@ -59,7 +59,7 @@ def wrong_clock(d: Draw) -> Change:
 RECORDS = {
     **{id: in_one_record(id) for id in CHAIN},
     "frequency_scale": Kind("frequency_scale", "measurement", "The clock of one record is off.", wrong_clock),
-    "reversed_polarity": NEIGHBOURS["reversed_record"],
+    "reversed_polarity": COVERED["reversed_record"],
 }
 
 

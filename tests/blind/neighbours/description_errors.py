@@ -14,10 +14,14 @@ Sizes are from no change to:
 - a step of the holder off by 6 mm; a holder longer by 12 mm; a bore of its last section that the drawing leaves out; a
   groove for the gripper, 5 mm deep and 8 mm wide; a last section of heavy alloy or aluminium, for smaller sizes of
   something between it and steel;
-- an insert with its screw, 5 g, 4 to 10 mm behind the tip;
+- an insert with its screw, 5 g, 4 to 10 mm behind the tip; a chip that takes half of the first 2 to 5 mm of the tool;
+- a tool that was ground again: 0.8 mm shorter, and 4 % thinner over its first 20 to 30 mm;
+- a thread that holds the head, 20 to 35 mm behind the tip: 1 mm that is softer by a factor of 13;
 - 12 mm of tool or holder heavier or lighter by 30 or 50 %; 15 mm stiffer or softer by 40 or 60 %;
 - another blank under the same name at one force level of one configuration: 4 % stiffer, 3 % lighter, 0.3 mm longer;
 - eight times the number of averages stated; clampings that scatter by 10 % (standard deviation) more than stated.
+
+The length of the flutes, 65 to 85 % of the overhang, in place of it, and exchanged sections have no size.
 """
 
 from __future__ import annotations
@@ -26,6 +30,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from blind.generator import Nominal
 from blind.generator.effects import Numbers, Where
 from blind.generator.records import Estimate
 
@@ -160,6 +165,41 @@ def _insert_and_screw(d: Draw) -> Change:
     return Change(structure=added(point("insert", "tool", d.within(0.004, 0.01), mass=5e-3 * d.u)))
 
 
+def _chipped_tool(d: Draw) -> Change:
+    left = 1.0 - 0.5 * d.u
+    return Change(structure=added(patch("chip", "tool", 0.0, d.within(0.002, 0.005), density=left, modulus=left)))
+
+
+def _ground_again(d: Draw) -> Change:
+    flutes = patch("flutes", "tool", 0.0, d.within(0.02, 0.03), outer=1.0 - 0.04 * d.u)
+
+    def structure(p: Numbers, where: Where) -> None:
+        p["tool.overhang"] -= 8e-4 * d.u
+        p |= flutes
+
+    return Change(structure=structure)
+
+
+def _screwed_head(d: Draw) -> Change:
+    begin = d.within(0.02, 0.035)
+    return Change(structure=added(patch("thread", "tool", begin, begin + 1e-3, modulus=1.0 / (1.0 + 12.0 * d.u))))
+
+
+def _flutes_for_overhang(d: Draw) -> Change:
+    name, share = d.configuration(), d.within(0.65, 0.85)
+
+    def describe(nominal: Nominal) -> Nominal:
+        told = [replace(c, overhang=c.overhang * share) if c.name == name else c for c in nominal.configurations]
+        return replace(nominal, configurations=tuple(told))
+
+    return Change(describe=describe)
+
+
+def _exchanged_sections(d: Draw) -> Change:
+    first, second = (d.numbers[f"holder.{i}.length"] for i in (1, 2))
+    return Change(describe=stated(holder__1__length=second, holder__2__length=first))
+
+
 def _somewhere(d: Draw, field: str, length: float, on_tool: float, on_holder: float) -> Change:
     """Change a short piece of tool or holder, at a place that is the same in all configurations."""
     sign = d.sign()
@@ -253,6 +293,16 @@ DESCRIPTION_ERRORS = (
     Kind("section_of_other_metal", "description", "The last section of the holder is of another metal.",
          _section_of_other_metal),
     Kind("insert_and_screw", "description", "Insert and screw are not described.", _insert_and_screw),
+    Kind("chipped_tool", "description", "A piece of the tool's tip is broken off.", _chipped_tool,
+         right=("fluted_part",)),
+    Kind("ground_again", "description", "The tool was ground again, and the file has the numbers of a new one.",
+         _ground_again, right=("fluted_part", "overhang_error")),
+    Kind("screwed_head", "description", "The head is screwed to the shank, and the tool is described as one piece.",
+         _screwed_head),
+    Kind("flutes_for_overhang", "description", "One configuration has the length of the flutes as its overhang.",
+         _flutes_for_overhang, right=("overhang_error",), sized=False),
+    Kind("exchanged_sections", "description", "The lengths of two sections of the holder are exchanged.",
+         _exchanged_sections, sized=False),
     Kind("mass_somewhere", "description", "A short piece of tool or holder is heavier or lighter than described.",
          _mass_somewhere),
     Kind("stiffness_somewhere", "description", "A short piece of tool or holder is stiffer or softer than described.",

@@ -7,12 +7,14 @@ Sizes are from no change to:
   phases in steps of 5 degrees; frequencies in steps of 6 Hz, for lines at least 8 Hz apart;
 - time records cut 30 ms after the hit and filled with zeros; lines of one file from 60 % of the band on filled with the
   last value or with a tiny one; one value lost in every file, at the end or as early as at 30 % of the band;
-- lines interpolated between every fifth one; a moving average over nine lines; twelve corrupted lines in one record.
+- lines interpolated between every fifth one; a moving average over nine lines; twelve corrupted lines in one record;
+- the files of one configuration as means with those of another one; lines from 40 to 60 % of the band on from another
+  measurement with a gain of 6 %.
 
 What has no size: a file copied over another one; files of two configurations exchanged; one record in g, pounds, inches
 or millimetres; displacements calculated with Hz for rad/s; one frequency axis in rad/s, or divided by 2 pi twice;
-conjugated files; degrees read as radians in one file; exchanged columns; one file of
-another quantity; one record that ends while the structure rings, after 40 to 150 ms.
+conjugated files; degrees read as radians in one file; exchanged columns; phases of
+another configuration.
 
 A wrong overhang is a right answer where the records are of another overhang than stated, whatever mixed them up.
 """
@@ -226,23 +228,39 @@ def _corrupted_lines(d: Draw) -> Change:
     return _only(d, _in_file(d, corrupted))
 
 
-def _other_quantity(d: Draw) -> Change:
-    power = d.sign()
+def _with_another(d: Draw, combine: Callable[[Values, Values], Values]) -> Change:
+    """Combine the values of one configuration with those of another one on the same lines."""
+    target, source = _pair(d)
 
-    def analysis(e: Estimate, p: Numbers, where: Where) -> Estimate:
-        return replace(e, receptance=e.receptance * (2j * np.pi * e.frequency_hz + e.decay_rate) ** power)
+    def files(records: list[Record]) -> list[Record]:
+        others = {(r.level, r.plane): r.estimate for r in records if r.configuration == source}
 
-    return _only(d, analysis)
+        def changed(r: Record) -> Record:
+            e, other = r.estimate, others[r.level, r.plane]
+            values = np.interp(e.frequency_hz, other.frequency_hz, other.receptance)
+            return replace(r, estimate=replace(e, receptance=combine(e.receptance, values)))
+
+        return [changed(r) if r.configuration == target else r for r in records]
+
+    return Change(files=files)
 
 
-def _short_record(d: Draw) -> Change:
-    here, end = d.record(), 2.0 * round(0.5 * RATE * d.within(0.04, 0.15)) / RATE
+def _averaged_files(d: Draw) -> Change:
+    share = 0.5 * d.u
+    return _with_another(d, lambda values, others: values + share * (others - values))
 
-    def structure(p: Numbers, where: Where) -> None:
-        if here(where):
-            p["record"] = end
 
-    return Change(structure=structure)
+def _phases_of_another(d: Draw) -> Change:
+    return _with_another(d, lambda values, others: np.abs(values) * np.exp(1j * np.angle(others)))
+
+
+def _joined_bands(d: Draw) -> Change:
+    share, gain = d.within(0.4, 0.6), 1.0 + 0.06 * d.u * d.sign()
+
+    def step(f: NDArray[np.float64]) -> Values:
+        return np.where(f > f[0] + share * (f[-1] - f[0]), gain, 1.0).astype(np.complex128)
+
+    return Change(analysis=filtered(step))
 
 
 FILE_ERRORS = (
@@ -271,8 +289,9 @@ FILE_ERRORS = (
     Kind("interpolated", "file", "The lines of the files are interpolated.", _interpolated),
     Kind("smoothed", "file", "The files are moving averages.", _smoothed),
     Kind("corrupted_lines", "file", "Some lines of one file are corrupted.", _corrupted_lines),
-    Kind("other_quantity", "file", "One file holds another quantity.", _other_quantity, right=("wrong_quantity",),
+    Kind("averaged_files", "file", "The files of one configuration are means with those of another one.",
+         _averaged_files),
+    Kind("joined_bands", "file", "The upper lines are of another measurement, which has another gain.", _joined_bands),
+    Kind("phases_of_another", "file", "The phases of one configuration are those of another one.", _phases_of_another,
          sized=False),
-    Kind("short_record", "file", "One record ends while the structure still rings.", _short_record,
-         right=("coarse_resolution",), sized=False),
 )  # fmt: skip

@@ -9,8 +9,8 @@ Sizes are from no change to:
 - a zero shift of the sensor by 0.5 % of the peak acceleration that decays in 0.1 to 1 s;
 - a range of the converter that leaves eight bits for the strongest hit;
 - a tip so soft that the pulse is ten times as long at the same peak, with the noise of the channels unchanged;
-- an exponential window of 15 1/s on one record that is not stated;
-- one channel of one record late by one sample of 25.6 kHz.
+- a sensor's channel that loses a sample after every 512 ones; a laser without a signal for 3 ms of every second hit;
+- crosstalk from the hammer's channel of 3 % of the ratio of the peaks; from the estimator H1 to H2.
 
 A trigger after 5 to 40 % of the pulse with nothing before it, a Hamming window in place of none, and exchanged channels
 have no size.
@@ -26,7 +26,7 @@ from blind.generator import rig
 from blind.generator.effects import Numbers, Where
 from blind.generator.records import RATE, Estimate, Setup, Signal
 
-from .kind import Change, Draw, Kind, filtered
+from .kind import Change, Draw, Kind
 
 MAINS_HZ = 50.0
 HARMONICS = np.arange(1, 20, 2)
@@ -139,19 +139,45 @@ def _hamming_window(d: Draw) -> Change:
     return Change(hits=hits)
 
 
-def _window_of_one_record(d: Draw) -> Change:
-    here = d.record()
+def _lost_samples(d: Draw) -> Change:
+    # Longer than any record, where nothing is lost.
+    buffer = round(512.0 / max(d.u, 1e-6))
 
-    def structure(p: Numbers, where: Where) -> None:
-        if here(where):
-            p["window"] = p.get("window", 0.0) + 15.0 * d.u
+    def hits(rng: np.random.Generator, number: int, force: Signal, response: Signal, where: Where) -> Channels:
+        written = np.arange(response.size)
+        read = written + written // buffer
+        # The structure is at rest at the end.
+        return force, np.where(read < response.size, response[np.minimum(read, response.size - 1)], 0.0)
 
-    return Change(structure=structure)
+    return Change(hits=hits)
 
 
-def _late_channel(d: Draw) -> Change:
-    delay = d.u / RATE * d.sign()
-    return Change(analysis=filtered(lambda f: np.exp(-2j * np.pi * f * delay), d.record()))
+def _signal_dropouts(d: Draw) -> Change:
+    length = 3e-3 * d.u
+
+    def hits(rng: np.random.Generator, number: int, force: Signal, response: Signal, where: Where) -> Channels:
+        since = np.arange(response.size) / RATE - rig.HIT - rng.uniform(0.002, 0.02)
+        lost = (since >= 0.0) & (since < length) & bool(number % 2)
+        return force, np.where(lost, 0.0, response)
+
+    return Change(hits=hits)
+
+
+def _crosstalk(d: Draw) -> Change:
+    share = 0.03 * d.u * d.sign()
+
+    def hits(rng: np.random.Generator, number: int, force: Signal, response: Signal, where: Where) -> Channels:
+        return force, response + share * force * np.abs(response).max() / force.max()
+
+    return Change(hits=hits)
+
+
+def _other_estimator(d: Draw) -> Change:
+    def analysis(e: Estimate, p: Numbers, where: Where) -> Estimate:
+        # H2 is H1 over the coherence.
+        return replace(e, receptance=e.receptance / e.coherence**d.u)
+
+    return Change(analysis=analysis)
 
 
 def _exchanged_channels(d: Draw) -> Change:
@@ -181,9 +207,13 @@ HIT_ERRORS = (
          slight="the coherence tells which lines are noise"),
     Kind("hamming_window", "measurement", "The analyser has a Hamming window from the last job.", _hamming_window,
          sized=False),
-    Kind("window_of_one_record", "measurement", "One record has an exponential window that is not stated.",
-         _window_of_one_record, right=("exponential_window",)),
-    Kind("late_channel", "measurement", "In one record one channel is late.", _late_channel, right=("time_delay",)),
+    Kind("lost_samples", "measurement", "The sensor's channel loses a sample at the end of every buffer.",
+         _lost_samples),
+    Kind("signal_dropouts", "measurement", "In every second hit the laser loses its signal for a short time.",
+         _signal_dropouts),
+    Kind("crosstalk", "measurement", "A share of the hammer's signal is in the sensor's channel.", _crosstalk),
+    Kind("other_estimator", "measurement", "The estimator is H2, which noise of the sensor makes too large.",
+         _other_estimator),
     Kind("exchanged_channels", "measurement", "The cables of hammer and sensor are exchanged.", _exchanged_channels,
          sized=False),
 )  # fmt: skip

@@ -159,7 +159,7 @@ def in_configuration(name: str) -> Callable[[Where], bool]:
 
 
 def filtered(
-    response: Callable[[NDArray[np.float64]], NDArray[np.complex128] | float],
+    response: Callable[[NDArray[np.float64]], NDArray[np.inexact] | float],
     only: Callable[[Where], bool] | None = None,
 ) -> Analysis:
     """Return what multiplies the FRF by a function of the frequency in Hz, perhaps of some records only."""
