@@ -299,7 +299,7 @@ def test_an_interruption_keeps_the_answer_without_a_discrepancy(monkeypatch):
     def interrupt(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("receptance.diagnosis.beside_discrepancy.extend", interrupt)
+    monkeypatch.setattr("receptance.diagnosis.discrepancy_search.extend", interrupt)
     found = diagnose(observed(0.005, 0.05), JOINT, tolerances=TOLERANCES, causes=CAUSES[:2], max_causes=1)
     assert (found.verdict, found.final) == ("unexplained", False)
     assert found.discrepancy is not None

@@ -8,10 +8,10 @@ from typing import Any
 
 from receptance import _checks
 from receptance.diagnosis.advice import ProposedMeasurement, advise
-from receptance.diagnosis.beside_discrepancy import select_beside
 from receptance.diagnosis.catalogue import resolve_causes
 from receptance.diagnosis.causes import Cause, extend
 from receptance.diagnosis.contradictions import contradictions
+from receptance.diagnosis.discrepancy_search import select_with_discrepancy
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import DiscrepancyFit, fit_discrepancy, refit, sufficient
 from receptance.diagnosis.held_out import (
@@ -240,7 +240,7 @@ def _with_discrepancy(
     first, base, again = plain.selection, None, None
     try:
         base = fit_discrepancy(replace(first.base.model.resonant(), threads=threads), first.base.values)
-        selection, base = select_beside(base, first, catalogue, report)
+        selection, base = select_with_discrepancy(base, first, catalogue, report)
         judgement = conclude(selection)
         known = None if selection.interrupted else _fitted_to_the_noise(first, selection.best)
         if known is not None:

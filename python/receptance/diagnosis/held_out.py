@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receptance._peaks import nearest_peak
-from receptance.diagnosis.beside_discrepancy import use_own_discrepancies
 from receptance.diagnosis.by_mode import Bias, ModeResidual, bias_of, curve_of, modes_of, slenderness_of
 from receptance.diagnosis.causes import parameters_of, transfer
+from receptance.diagnosis.discrepancy_search import use_own_discrepancies
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
 from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.judgement import Answer, Judgement, conclude, is_of_some, only_improved

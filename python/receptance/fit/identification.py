@@ -243,10 +243,10 @@ def _judged(fit: Identification, tolerance: float) -> Identification:
             break
         runs = [*fit.starts, _start_of(problem, fit, end)]
         fit = conclude(fit.task, problem, runs, loss=None, seed=fit.seed, notes=list(fit.notes))
-    return _beside_discrepancy(fit, task, widened)
+    return _discrepancy_search(fit, task, widened)
 
 
-def _beside_discrepancy(fit: Identification, task: Task, widened: DiscrepancyFit) -> Identification:
+def _discrepancy_search(fit: Identification, task: Task, widened: DiscrepancyFit) -> Identification:
     """Return the fit repeated with a discrepancy that is sufficient."""
     with suppress(ReceptanceError):
         widened = sufficient(task, widened)

@@ -1,4 +1,4 @@
-"""Selection beside a discrepancy: the fits of causes to data that no model explains to their noise.
+"""Selection with a model discrepancy: the fits of causes to data that no model explains to their noise.
 
 All fits of a selection allow for the same discrepancy. The evidence of the leading explanations is that of fits with
 discrepancies of their own: a common one is larger than the errors that a right cause leaves, or smaller than those
@@ -27,7 +27,7 @@ _Own = dict[tuple[Variant, ...], DiscrepancyFit]
 """Fits with a discrepancy of their own, by the variants of causes."""
 
 
-def select_beside(
+def select_with_discrepancy(
     base: DiscrepancyFit, first: Selection, catalogue: Sequence[Cause], report: Progress
 ) -> tuple[Selection, DiscrepancyFit]:
     """Return the fits of each cause that allow for a discrepancy, and that of the base, which may be a better one.
