@@ -159,7 +159,8 @@ class Search:
                 least = LEAST_SHARE * (own.base.chi_square - own.base.expected_chi_square)
                 singles = [single for single in own.singles[:LEADING_CAUSES] if single.gain >= least]
                 leading = [(single.variants[0], single.fit) for single in singles]
-                return beside_modes(own, model, leading, choose, self._report)
+                if again := beside_modes(own, model, leading, choose, self._report):
+                    return again
             self._climb()
             if self._restart():
                 self._climb()
