@@ -24,6 +24,7 @@ from receptance import (
     SpreadJoint,
     Unknown,
 )
+from receptance.coupling.unknown_modes import ModeChoice
 from receptance.diagnosis import CATALOGUE, Model, Verdict, diagnose, fitting
 from receptance.diagnosis.causes import parameters_of
 from receptance.diagnosis.explanation import Explanation
@@ -31,7 +32,7 @@ from receptance.diagnosis.fitting import fit_base, refit
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.line_selection import select_lines
 from receptance.diagnosis.thresholds import MARGIN
-from receptance.errors import ReceptanceWarning
+from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.fit import Law, Move, Tolerance
 from receptance.fit.observation import altered
 
@@ -113,6 +114,23 @@ def test_no_cause_is_added_to_an_explanation_far_behind_the_best_one() -> None:
     pairs = [explanation.ids for explanation in selection.tried]
     assert {"sensor_mass", "time_delay"} in pairs
     assert {"calibration_gain", "time_delay"} not in pairs
+
+
+def test_two_causes_are_found_where_no_other_modes_can_be_chosen() -> None:
+    """The choice of modes has no result, and the search goes on without one."""
+    data = []
+    for seed, overhang in enumerate(OVERHANGS):
+        true = make_assembly(overhang, PointMass(mass=0.003, part="tool", position=0.0))
+        measured = measure(make_assembly(overhang), true, f"{overhang}", seed)
+        late = np.exp(-2j * np.pi * 2e-5 * LINES)
+        data.append(altered(measured, receptance=late * measured.receptance))
+
+    def no_modes(model: Model, choice: ModeChoice) -> Model:
+        raise ReceptanceError("there are no modes to choose")
+
+    causes = ["sensor_mass", "time_delay", "calibration_gain"]
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=causes, choose_modes=no_modes)
+    assert sorted(cause.id for cause in verdict.causes) == ["sensor_mass", "time_delay"]
 
 
 def test_unused_coherence_is_named() -> None:
