@@ -122,7 +122,7 @@ def test_two_causes_are_found_where_no_other_modes_can_be_chosen() -> None:
     for seed, overhang in enumerate(OVERHANGS):
         true = make_assembly(overhang, PointMass(mass=0.003, part="tool", position=0.0))
         measured = measure(make_assembly(overhang), true, f"{overhang}", seed)
-        late = np.exp(-2j * np.pi * 2e-5 * LINES)
+        late = np.exp(-2j * np.pi * 5e-6 * LINES)
         data.append(altered(measured, receptance=late * measured.receptance))
 
     def no_modes(model: Model, choice: ModeChoice) -> Model:
