@@ -311,7 +311,7 @@ class Search:
         # The order by evidence means little here: the right cause can be last if all fits are in the wrong optimum.
         levels = has_levels(own.base.model)
         together = [each for each in own.tried if own.singles[0].ids <= each.ids] if levels else []
-        again = [*own.singles[:ROOTS], *together]
+        again = list(dict.fromkeys([*own.explanations[:1], *own.singles[:ROOTS], *together]))
         titles = [f"{each.title}, from its own starting values" for each in again]
         fits = [partial(fit_or_none, partial(fit_again, each.fit)) for each in again]
         for each, fit in zip(again, self._report.run("together", titles, fits, own.workers), strict=True):
