@@ -2,6 +2,7 @@
 
 Sizes are from no change to:
 
+- the frequency axis of one record off by its spacing of 8 Hz;
 - a gain that grows by 8 % from the first configuration to the last one; a resonance of the sensor at 15 kHz;
 - a level that changes by a power of the frequency of 0.06 (22 % from 200 to 6000 Hz); a phase off by 4 degrees;
 - a filter against aliasing of fourth order with its corner at 20 kHz; AC coupling with a corner of 40 Hz;
@@ -34,6 +35,15 @@ HIGHEST_HZ = 5e5
 SENSOR = (5e-4, 1.5e-3)
 """Masses of sensors in kg."""
 Lines = NDArray[np.float64]
+
+
+def _shifted_axis_of_one_record(d: Draw) -> Change:
+    shift, here = 8.0 * d.u * d.sign(), d.record()
+
+    def analysis(e: Estimate, p: Numbers, where: Where) -> Estimate:
+        return replace(e, frequency_hz=e.frequency_hz + shift) if here(where) else e
+
+    return Change(analysis=analysis)
 
 
 def _drifting_gain(d: Draw) -> Change:
@@ -183,6 +193,8 @@ def _scattered_hit_places(d: Draw) -> Change:
 
 
 CHANNEL_ERRORS = (
+    Kind("shifted_axis_of_one_record", "measurement", "The frequency axis of one record is off by up to a line.",
+         _shifted_axis_of_one_record, right=("frequency_scale",)),
     Kind("drifting_gain", "measurement", "The amplifier warms up, so that the gain drifts between configurations.",
          _drifting_gain, right=("calibration_gain",)),
     Kind("resonant_sensor", "measurement", "The sensor's own resonance is not far above the band.", _resonant_sensor),
