@@ -10,7 +10,7 @@ Sizes are from no change to:
 - a range of the converter that leaves eight bits for the strongest hit;
 - a tip so soft that the pulse is ten times as long at the same peak, with the noise of the channels unchanged;
 - a sensor's channel that loses a sample after every 512 ones; a laser without a signal for 3 ms of every second hit;
-- crosstalk from the hammer's channel of 3 % of the ratio of the peaks.
+- crosstalk from the hammer's channel of 3 % of the ratio of the peaks; from the estimator H1 to H2.
 
 A trigger after 5 to 40 % of the pulse with nothing before it, a Hamming window in place of none, and exchanged channels
 have no size.
@@ -172,6 +172,14 @@ def _crosstalk(d: Draw) -> Change:
     return Change(hits=hits)
 
 
+def _other_estimator(d: Draw) -> Change:
+    def analysis(e: Estimate, p: Numbers, where: Where) -> Estimate:
+        # H2 is H1 over the coherence.
+        return replace(e, receptance=e.receptance / e.coherence**d.u)
+
+    return Change(analysis=analysis)
+
+
 def _exchanged_channels(d: Draw) -> Change:
     def analysis(e: Estimate, p: Numbers, where: Where) -> Estimate:
         s = 2j * np.pi * e.frequency_hz + e.decay_rate
@@ -204,6 +212,8 @@ HIT_ERRORS = (
     Kind("signal_dropouts", "measurement", "In every second hit the laser loses its signal for a short time.",
          _signal_dropouts),
     Kind("crosstalk", "measurement", "A share of the hammer's signal is in the sensor's channel.", _crosstalk),
+    Kind("other_estimator", "measurement", "The estimator is H2, which noise of the sensor makes too large.",
+         _other_estimator),
     Kind("exchanged_channels", "measurement", "The cables of hammer and sensor are exchanged.", _exchanged_channels,
          sized=False),
 )  # fmt: skip
