@@ -2,7 +2,9 @@
 
 Sizes are from no change to:
 
-- a gain that grows by 8 % from the first configuration to the last one; a resonance of the sensor at 15 kHz;
+- the frequency axis of one record off by its spacing of 8 Hz;
+- a clock that drifts by 0.6 %, and a gain that grows by 8 %, from the first configuration to the last one;
+- a resonance of the sensor at 15 kHz;
 - a level that changes by a power of the frequency of 0.06 (22 % from 200 to 6000 Hz); a phase off by 4 degrees;
 - a filter against aliasing of fourth order with its corner at 20 kHz; AC coupling with a corner of 40 Hz;
 - a sensitivity that falls by 8 % about 800 Hz; a moving mean over 4 ms that is removed from the sensor's record;
@@ -34,6 +36,26 @@ HIGHEST_HZ = 5e5
 SENSOR = (5e-4, 1.5e-3)
 """Masses of sensors in kg."""
 Lines = NDArray[np.float64]
+
+
+def _shifted_axis_of_one_record(d: Draw) -> Change:
+    shift, here = 8.0 * d.u * d.sign(), d.record()
+
+    def analysis(e: Estimate, p: Numbers, where: Where) -> Estimate:
+        return replace(e, frequency_hz=e.frequency_hz + shift) if here(where) else e
+
+    return Change(analysis=analysis)
+
+
+def _drifting_clock(d: Draw) -> Change:
+    order, most = d.order(), 6e-3 * d.u * d.sign()
+
+    def analysis(e: Estimate, p: Numbers, where: Where) -> Estimate:
+        # The analyser divides accelerations by the frequencies that it states.
+        scale = 1.0 + most * order[where.configuration]
+        return replace(e, frequency_hz=e.frequency_hz / scale, receptance=e.receptance * scale**2)
+
+    return Change(analysis=analysis)
 
 
 def _drifting_gain(d: Draw) -> Change:
@@ -183,6 +205,10 @@ def _scattered_hit_places(d: Draw) -> Change:
 
 
 CHANNEL_ERRORS = (
+    Kind("shifted_axis_of_one_record", "measurement", "The frequency axis of one record is off by up to a line.",
+         _shifted_axis_of_one_record, right=("frequency_scale",)),
+    Kind("drifting_clock", "measurement", "The clock of the analyser drifts between configurations.", _drifting_clock,
+         right=("frequency_scale",)),
     Kind("drifting_gain", "measurement", "The amplifier warms up, so that the gain drifts between configurations.",
          _drifting_gain, right=("calibration_gain",)),
     Kind("resonant_sensor", "measurement", "The sensor's own resonance is not far above the band.", _resonant_sensor),
