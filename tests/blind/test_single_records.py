@@ -64,9 +64,14 @@ RECORDS = {
 
 
 def answer_on(monkeypatch: pytest.MonkeyPatch, id: str, seed: int, index: int, u: float = 0.8):
-    """Return the answer of the program, and the label of the wrong record."""
+    """Return the answer of the program, and the label of the wrong record.
+
+    One of a thousand cases has such errors of the tolerances that it is not adequate without the wrong record either:
+    then the next one is drawn.
+    """
     monkeypatch.setitem(NEIGHBOURS, id, RECORDS[id])
-    neighbour = draw_neighbour(seed, index, id, u=u, quick=True)
+    drawn = (draw_neighbour(seed, index + 100 * i, id, u=u, quick=True) for i in range(3))
+    neighbour = next(case for case in drawn if ask(case.twin.case).verdict == "adequate")
     pairs = zip(neighbour.seen.case.records, neighbour.twin.case.records, strict=True)
     (wrong,) = [
         seen.label
