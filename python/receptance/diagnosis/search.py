@@ -196,13 +196,11 @@ class Search:
                     own.evaluations += root.evaluations
                     own.add(own.explain(kept, root))
                     rivals = self._rivals(root, kept)
-                    same = [
-                        rival for rival in rivals if rival.cause.id == dropped.cause.id and rival.variant != dropped
-                    ]
+                    same = [rival for rival in rivals if rival.cause.id == dropped.cause.id]
                     others = _best_of_each_cause([rival for rival in rivals if rival.cause.id != dropped.cause.id])
                     if self._searched.get(frozenset(kept), math.inf) <= root.chi_square + MARGIN:
-                        # They have been added to the same fit.
-                        others = []
+                        # Only other variants have not been added to the same fit.
+                        same, others = [rival for rival in same if rival.variant != dropped], []
                     yield Neighbourhood(kept, root, [*same, *others[:ADDED_CAUSES]])
         if len(best.variants) < self._max_causes and not (best.passed and best.fit.misfit < OVERSTATED):
             rivals = self._rivals(best.fit, best.variants)
