@@ -131,6 +131,11 @@ def test_every_cause_can_be_written(small: campaign.Campaign, cause: str, part: 
     model, _ = small.base_model()
     for variant, _ in CATALOGUE[cause].extensions(model)[part]:
         read, verdict = as_if_found(small, (cause, variant.name))
+        if cause == "hammer_offset" and "configuration" in variant.name:
+            # The step that moves with the hits would be in the tool of one assembly alone.
+            with pytest.raises(ValueError, match="cannot"):
+                campaign.write_extended(read, verdict, small.file.with_name("extended.toml"))
+            continue
         path = campaign.write_extended(read, verdict, small.file.with_name("extended.toml"))
         again = campaign.load(path)
         assert set(again.measurements) == {"short", "long", "longest"}

@@ -94,21 +94,25 @@ def list_variants(fit: Fit, causes: Sequence[Cause]) -> tuple[list[tuple[Variant
 
     The second result has the reasons by the ids of the causes.
     """
-    extensions: list[tuple[Variant, Model]] = []
-    changes: list[tuple[Variant, Model]] = []
-    undecidable: dict[str, UndecidableError] = {}
+    extended, undecidable = extensions_of(fit.model, causes)
+    changes = [pair for pair in extended if pair[0].cause.changes_data]
     inadequate = not fit.adequacy.passed
+    others = [(v, model) for v, model in extended if not v.cause.changes_data and (inadequate or not v.cause.large)]
+    return [*others, *_improving(changes, fit)], undecidable
+
+
+def extensions_of(
+    model: Model, causes: Sequence[Cause]
+) -> tuple[list[tuple[Variant, Model]], dict[str, UndecidableError]]:
+    """Return all variants of causes that a model can have, each with its model, and undecidable causes."""
+    extensions: list[tuple[Variant, Model]] = []
+    undecidable: dict[str, UndecidableError] = {}
     for cause in causes:
         try:
-            extended = cause.extensions(fit.model)
+            extensions += cause.extensions(model)
         except UndecidableError as error:
             undecidable[cause.id] = error
-            continue
-        if cause.changes_data:
-            changes += extended
-        elif inadequate or not cause.large:
-            extensions += extended
-    return [*extensions, *_improving(changes, fit)], undecidable
+    return extensions, undecidable
 
 
 def _improving(changes: Sequence[tuple[Variant, Model]], fit: Fit) -> list[tuple[Variant, Model]]:

@@ -203,12 +203,13 @@ class Search:
                         same, others = [rival for rival in same if rival.variant != dropped], []
                     yield Neighbourhood(kept, root, [*same, *others[:ADDED_CAUSES]])
         if len(best.variants) < self._max_causes and not (best.passed and best.fit.misfit < OVERSTATED):
-            rivals = self._rivals(best.fit, best.variants)
+            rivals = _best_of_each_cause(self._rivals(best.fit, best.variants))
+            # Far from the data predictions mean little.
             if best.fit.misfit <= SCREENING_LIMIT:
                 limit = max(own.threshold, 0.0)
-                rivals = [rival for rival in rivals if rival.predicted_evidence(own.penalty) > limit]
+                rivals = [rival for rival in rivals if rival.predicted_evidence(own.penalty) > limit][:ADDED_CAUSES]
             least = best.evidence + max(own.threshold, ADDED_EVIDENCE)
-            yield Neighbourhood(best.variants, best.fit, _best_of_each_cause(rivals)[:ADDED_CAUSES], least=least)
+            yield Neighbourhood(best.variants, best.fit, rivals, least=least)
 
     def _others_alone(self, best: Explanation) -> Neighbourhood:
         """Return the causes with an effect like that of a single one, and its other variants.

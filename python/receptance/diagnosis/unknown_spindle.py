@@ -14,6 +14,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from receptance.coupling.spindle_elimination import SpindleRecords
 from receptance.coupling.unknown_modes import ModeChoice
 from receptance.diagnosis.causes import Cause, Variant, parameters_of
@@ -21,7 +23,7 @@ from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import Fit, evaluate, fit_base, fit_or_none, refit
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.progress import Progress
-from receptance.diagnosis.screening import first_of_each, list_variants
+from receptance.diagnosis.screening import extensions_of, first_of_each, list_variants
 from receptance.diagnosis.thresholds import LEADING_CAUSES, LEAST_SHARE, MARGIN
 from receptance.errors import ReceptanceError
 from receptance.fit.unknowns import Unknown
@@ -150,6 +152,9 @@ def lead_with_any_spindle(
     if without is None:
         return []
     extensions, _ = list_variants(base, causes)
+    # A wrong level shows beside any modes, a wrong phase does not.
+    turned = (pair for pair in extensions_of(base.model, causes)[0] if _changes_phase(pair[1], base.model))
+    extensions = list({pair[0]: pair for pair in (*extensions, *turned)}.values())
     # A change of the data has no start near that of the data as they are.
     fits = [
         partial(with_any_spindle, model, None if variant.cause.changes_data else without)
@@ -168,6 +173,13 @@ def lead_with_any_spindle(
     gains.sort(key=lambda each: -each[0])
     leading = first_of_each(gains, lambda each: each[1].cause.id)
     return [(variant, fit) for _, variant, fit in leading[:LEADING_CAUSES]]
+
+
+def _changes_phase(changed: Model, model: Model) -> bool:
+    """Return whether the data of a model have the magnitudes of those of another one, and other phases."""
+    pairs = [(new.receptance, old.receptance) for new, old in zip(changed.receptances, model.receptances, strict=True)]
+    same = all(np.allclose(np.abs(new), np.abs(old), rtol=1e-12) for new, old in pairs)
+    return same and any(not np.array_equal(new, old) for new, old in pairs)
 
 
 def beside_modes(
