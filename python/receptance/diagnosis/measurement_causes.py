@@ -335,11 +335,13 @@ def _hang(
         hung = hung.plus(stiffness.unknown(f"{_rope(i)}.k_y", part=part))
         lower, upper = _room(model, place, places)
         if lower < upper:
-            # The place is a step between two segments of one section, which the parameter moves. All places are about
-            # equally likely: the priors of neighbouring variants add up to a nearly constant density.
+            # The place is a step between two segments of one section, which the parameter moves. All places of one rope
+            # are about equally likely: the priors of neighbouring variants add up to a nearly constant density. Of two
+            # ropes the places are free parameters, because these act as one would anywhere between them.
             index = int(np.argmin(np.abs(np.subtract(edges_of(hung.parts(place[0])[0]), float(place[1])))))
             moves = {f"{place[0]}.segment[{index - 1}].length": 1.0, f"{place[0]}.segment[{index}].length": -1.0}
-            limited = replace(distance, prior=Prior(mean=0.0, standard_deviation=0.5 * reach))
+            prior = Prior(mean=0.0, standard_deviation=0.5 * reach) if len(places) == 1 else None
+            limited = replace(distance, prior=prior)
             hung = hung.plus(limited.move(moves, part=part, lower=max(lower, -reach), upper=min(upper, reach)))
     if damping is None:
         return hung
