@@ -242,9 +242,9 @@ def _with_discrepancy(
         base = fit_discrepancy(replace(first.base.model.resonant(), threads=threads), first.base.values)
         selection, base = select_with_discrepancy(base, first, catalogue, report)
         judgement = conclude(selection)
-        known = None if selection.interrupted else _fitted_to_the_noise(first, selection.best)
-        if known is not None:
-            again = select(first.base.model, catalogue, max_causes=max_causes, progress=report, known=known)
+        beginning = None if selection.interrupted else _fitted_to_the_noise(first, selection.best)
+        if beginning is not None:
+            again = select(first.base.model, catalogue, max_causes=max_causes, progress=report, beginning=beginning)
     except ReceptanceError:
         return plain
     except KeyboardInterrupt:

@@ -514,16 +514,20 @@ def doubted(judgement: Judgement, base: Fit, improvement: Improvement) -> Judgem
     return replace(judgement, answer=answer, reasons=(*judgement.reasons, doubt))
 
 
-def doubt_prediction(base: Fit, one: Explanation, gain: Gain) -> Reason | None:
+def doubt_prediction(base: Fit, explanation: Explanation, gain: Gain) -> Reason | None:
     """Return why held-out data contradict the only explanation; None where they do not.
 
     Causes that act in all configurations must improve the prediction of those that are left out. One that acts in a
     single configuration cannot: without it nothing shows the cause, and the others do not have it. `gain` is the first
     metric of the improvement, an error.
     """
-    if gain.held_out_after < gain.held_out_before or is_of_some(base, one) or only_improved(base, one) is not None:
+    if (
+        gain.held_out_after < gain.held_out_before
+        or is_of_some(base, explanation)
+        or only_improved(base, explanation) is not None
+    ):
         return None
     if all(fold["before"] == fold["after"] for fold in gain.folds):
-        return Reason("not_predicted", {"title": one.title})
+        return Reason("not_predicted", {"title": explanation.title})
     values = {"metric": gain.metric, "before": gain.held_out_before, "after": gain.held_out_after}
-    return Reason("not_better", {"title": one.title, **values})
+    return Reason("not_better", {"title": explanation.title, **values})

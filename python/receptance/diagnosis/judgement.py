@@ -107,19 +107,23 @@ def _conclude(selection: Selection) -> Judgement:
         return Judgement("unexplained", reasons=(rejected,))
     # An explanation that only adds causes to another one counts where these are needed.
     passing = [
-        one for one in passing if not any(other.ids < one.ids <= other.ids | one.negligible for other in passing)
+        explanation
+        for explanation in passing
+        if not any(other.ids < explanation.ids <= other.ids | explanation.negligible for other in passing)
     ]
-    near = [one for one in passing if one.evidence >= passing[0].evidence - MARGIN]
+    near = [explanation for explanation in passing if explanation.evidence >= passing[0].evidence - MARGIN]
     near = [
-        one for one in near if not any(other.ids < one.ids and one.evidence < other.evidence + MARGIN for other in near)
+        explanation
+        for explanation in near
+        if not any(other.ids < explanation.ids and explanation.evidence < other.evidence + MARGIN for other in near)
     ]
-    remaining = [one for one in near if not one.implausible]
+    remaining = [explanation for explanation in near if not explanation.implausible]
     if not remaining and len(near) == 1 and near[0].unusual:
         remaining = near
     reasons = [
-        Reason("vetoed", {"title": one.title, "sizes": one.implausible_sizes()})
-        for one in near
-        if one.implausible and one not in remaining
+        Reason("vetoed", {"title": explanation.title, "sizes": explanation.implausible_sizes()})
+        for explanation in near
+        if explanation.implausible and explanation not in remaining
     ]
     alternative = _preferred_alternative(selection, remaining or near)
     if alternative is not None:
@@ -129,11 +133,15 @@ def _conclude(selection: Selection) -> Judgement:
         return Judgement("unexplained", reasons=tuple(reasons), alternative=alternative)
     if not remaining or remaining[0].evidence <= limit:
         return Judgement("unexplained", reasons=tuple(reasons))
-    unfinished = [Reason("not_converged", {"title": one.title}) for one in remaining if not one.fit.converged]
+    unfinished = [
+        Reason("not_converged", {"title": explanation.title})
+        for explanation in remaining
+        if not explanation.fit.converged
+    ]
     reasons += unfinished
     if len(remaining) > 1:
-        common = frozenset.intersection(*(one.ids for one in remaining))
-        in_order = dict.fromkeys(variant.cause.id for one in remaining for variant in one.variants)
+        common = frozenset.intersection(*(explanation.ids for explanation in remaining))
+        in_order = dict.fromkeys(variant.cause.id for explanation in remaining for variant in explanation.variants)
         between = tuple(id for id in in_order if id not in common)
         return Judgement("ambiguous", tuple(remaining), between, tuple(reasons))
     doubts = [*_doubts(selection, remaining[0], limit)]
