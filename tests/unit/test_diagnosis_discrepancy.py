@@ -190,6 +190,13 @@ def test_a_cause_takes_at_least_half_of_the_misfit():
     (variant,) = best.variants
     vague = replace(best, variants=(variant.of(replace(variant.cause, unspecific=True)),))
     assert answer(vague, *selection.explanations[1:]) == "unexplained"
+    # In some records alone a discrepancy and many errors of them look the same.
+    model = best.fit.model
+    labels = tuple(one.label for one in model.observations[:2])
+    unknowns = tuple(replace(one, labels=labels) if one.name in best.parameters else one for one in model.unknowns)
+    some = replace(best, fit=replace(best.fit, model=replace(model, unknowns=unknowns)))
+    judgement = conclude(replace(selection, explanations=[some], alternatives=[]))
+    assert (judgement.answer, judgement.reasons[0].code) == ("unexplained", "share_of_some")
     # Tolerances absorb a part of a discrepancy: their strain is no objection.
     strained = replace(best, fit=replace(best.fit))
     strained.fit.__dict__["adequacy"] = replace(best.adequacy, strain=Strain((("modulus", 9.0),), chance=1e-9))
