@@ -61,15 +61,22 @@ def _at(place: tuple[str, float]) -> str:
 
 
 def _mass(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    mass, inertia = p["mass"], p["inertia"]
     for place in _places(model):
-        yield Variant(_at(place), partial(_add_mass, place, p["mass"]))
-        yield Variant(f"{_at(place)}, with inertia", partial(_add_mass, place, p["mass"], inertia=p["inertia"]))
+        yield Variant(_at(place), partial(_add_mass, place, Scope(), [mass]))
+        yield Variant(f"{_at(place)}, with inertia", partial(_add_mass, place, Scope(), [mass, inertia]))
+    # A sensor that was on the tool during the stronger hits only.
+    on_tool = [(model.tip, 0.0), *(place for place in _places(model) if place[0] == model.tip)]
+    for scope, place in itertools.product(scopes_of(model, kinds=("force level",)), on_tool):
+        yield Variant(f"{_at(place)}, {scope.name}", partial(_add_mass, place, scope, [mass]))
 
 
-def _add_mass(place: tuple[str, float], mass: Parameter, model: Model, inertia: Parameter | None = None) -> Model:
+def _add_mass(place: tuple[str, float], scope: Scope, parameters: Sequence[Parameter], model: Model) -> Model:
     point = PointMass(mass=0.0, part=place[0], position=place[1], name="alternative_mass")
-    changed = model.with_change(_attach, point).plus(mass.unknown("alternative_mass.mass"))
-    return changed if inertia is None else changed.plus(inertia.unknown("alternative_mass.inertia"))
+    limits = scope.limits(model)
+    return model.with_change(_attach, point).plus(
+        *(parameter.unknown(f"alternative_mass.{parameter.name}", **limits) for parameter in parameters)
+    )
 
 
 def _attach(model: Model, point: PointMass | GroundSpring) -> Model:
@@ -270,7 +277,7 @@ def _soften(part: str, position: float, diameter: Parameter, model: Model) -> Mo
 
 def _other_tool(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     """Yield a tool that is another one, or has another overhang, in some records."""
-    scopes = [scope for scope in scopes_of(model) if scope.kind in ("configuration", "record")]
+    scopes = scopes_of(model, kinds=("configuration", "record"))
     if not scopes:
         raise UndecidableError("there are no FRFs, or a single one: measure several")
     pairs = zip(model.observations, model.anatomies, strict=True)

@@ -6,7 +6,7 @@ other observations: of fewer lines, of the configurations that are left in a fol
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -14,7 +14,7 @@ from receptance.diagnosis.model import Model, UndecidableError
 from receptance.fit.observation import Observation
 from receptance.model.coordinates import Coordinate
 
-Kind = Literal["all", "configuration", "response channel", "record"]
+Kind = Literal["all", "configuration", "response channel", "force level", "record"]
 DirectedPlace = tuple[str, float | Literal["end"], str]
 """A part, a position on it in m from its start, and a direction."""
 
@@ -33,9 +33,12 @@ _KEYS: Mapping[Kind, Callable[[Observation], Any]] = {
     "all": lambda observation: "all",
     "configuration": lambda observation: observation.configuration,
     "response channel": _channel,
+    "force level": lambda observation: observation.conditions.get("force"),
     "record": lambda observation: observation.label,
 }
 """What the records of a scope have in common, the widest scope first."""
+OF_THE_CHAIN: tuple[Kind, ...] = ("all", "configuration", "response channel", "record")
+"""Scopes of an error of the measuring chain."""
 
 
 @dataclass(frozen=True)
@@ -43,16 +46,16 @@ class Scope:
     """Records that one error of a measuring chain changes."""
 
     kind: Kind = "all"
-    key: str | DirectedPlace = "all"
-    """What they have in common: a configuration, place and direction of a response, or a label."""
+    key: str | float | DirectedPlace = "all"
+    """What they have in common: a configuration, place and direction of a response, a force level, or a label."""
 
     @property
     def name(self) -> str:
         """Name in texts."""
         if self.kind == "all":
             return "all"
-        if isinstance(self.key, str):
-            return f"{self.kind} {self.key}"
+        if not isinstance(self.key, tuple):
+            return f"{self.kind} {self.key}" if isinstance(self.key, str) else f"{self.kind} {self.key:g}"
         part, position, direction = self.key
         place = f"{part} {position}" if isinstance(position, str) else f"{part} {1e3 * position:g} mm"
         return f"{self.kind} {place}" + ("" if direction == "y" else f" {direction}")
@@ -89,17 +92,21 @@ class Scope:
             raise UndecidableError(f"no record is of the {self.name}")
 
 
-def scopes_of(model: Model, among: Callable[[Observation], bool] = lambda observation: True) -> list[Scope]:
-    """Return the scopes of errors of the measuring chain, the widest first; scopes of the same records appear once.
+def scopes_of(
+    model: Model,
+    among: Callable[[Observation], bool] = lambda observation: True,
+    kinds: Sequence[Kind] = OF_THE_CHAIN,
+) -> list[Scope]:
+    """Return the scopes of some kinds, the widest first; scopes of the same records appear once.
 
     `among` chooses the records that an error can change; by default these are all FRFs. A record without a label, and
-    one without a configuration, has no scope by it.
+    one without a configuration or a force level, has no scope by it.
     """
     records = [record for record in model.receptances if among(record)]
     scopes = {frozenset(range(len(records))): Scope()}
-    for kind, key_of in _KEYS.items():
-        keys = list(map(key_of, records))
+    for kind in kinds:
+        keys = list(map(_KEYS[kind], records))
         for key in dict.fromkeys(filter(None, keys)):
             members = frozenset(i for i, other in enumerate(keys) if other == key)
             scopes.setdefault(members, Scope(kind, key))
-    return list(scopes.values())
+    return [scope for scope in scopes.values() if scope.kind in kinds]

@@ -308,7 +308,7 @@ CLAMPING_ERRORS = (
          _grease_on_shank),
     Kind("lost_inserts", "clamping", "In one configuration inserts are missing from the head.", _lost_inserts),
     Kind("protruding_sleeve", "clamping", "A sleeve in the bore protrudes from the holder and holds the tool there.",
-         _protruding_sleeve),
+         _protruding_sleeve, right=("collet_mass",)),
     Kind("turned_flutes", "clamping", "The two flutes lie in another direction in every clamping.", _turned_flutes),
     Kind("lossy_mode", "clamping", "One mode loses energy into something beside the holder.", _lossy_mode),
     Kind("chip_in_bore", "clamping", "In one configuration a chip is in the bore.", _chip_in_bore),
