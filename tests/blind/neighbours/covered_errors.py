@@ -11,8 +11,8 @@ Sizes are from no change to:
 - loss factors of 0.01 in the tool, for 0.001, and of 0.014 in the holder, for 0.002;
 - a stated Poisson's ratio of the tool of 0.42, for 0.22.
 
-A reversed record, a record of another quantity, and one that ends while the structure rings, after 40 to 150 ms,
-have no size.
+A reversed record, a record of another quantity, one that ends while the structure rings, after 40 to 150 ms,
+conjugated files, and files of two configurations exchanged have no size.
 """
 
 from __future__ import annotations
@@ -21,11 +21,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from blind.generator import Record
 from blind.generator.effects import Numbers, Where
 from blind.generator.records import RATE, Estimate
 
 from .channel_errors import SENSOR
 from .clamping_errors import bouncing_stiffness, length_of_holder, springs
+from .file_errors import in_file, pair
 from .kind import Change, Draw, Kind, added, filtered, point, stated, times
 
 
@@ -125,6 +127,23 @@ def _coolant_tube(d: Draw) -> Change:
     return Change(structure=added(point("tube", "holder", place, mass=max(0.08 * d.u, 1e-7), **numbers)))
 
 
+def _exchanged_files(d: Draw) -> Change:
+    first, second = pair(d)
+    other = {first: second, second: first}
+
+    def files(records: list[Record]) -> list[Record]:
+        every = {(r.configuration, r.level, r.plane): r.estimate for r in records}
+        return [
+            replace(r, estimate=every[other.get(r.configuration, r.configuration), r.level, r.plane]) for r in records
+        ]
+
+    return Change(files=files)
+
+
+def _conjugated(d: Draw) -> Change:
+    return Change(analysis=in_file(d, np.conj))
+
+
 COVERED_ERRORS = (
     Kind("laser", "measurement", "A sensor's mass is stated, although a laser measured.", _laser,
          right=("sensor_mass",)),
@@ -154,4 +173,8 @@ COVERED_ERRORS = (
          sized=False),
     Kind("short_record", "file", "One record ends while the structure still rings.", _short_record,
          right=("coarse_resolution",), sized=False),
+    Kind("conjugated", "file", "The files have the other sign of the exponent in time.", _conjugated,
+         right=("wrong_quantity",), sized=False),
+    Kind("exchanged_files", "file", "The files of two configurations are exchanged.", _exchanged_files,
+         right=("exchanged_files",), sized=False),
 )  # fmt: skip

@@ -11,9 +11,9 @@ Sizes are from no change to:
 - the files of one configuration as means with those of another one; lines from 40 to 60 % of the band on from another
   measurement with a gain of 6 %.
 
-What has no size: a file copied over another one; files of two configurations exchanged; one record in g, pounds, inches
+What has no size: a file copied over another one; one record in g, pounds, inches
 or millimetres; displacements calculated with Hz for rad/s; one frequency axis in rad/s, or divided by 2 pi twice;
-conjugated files; degrees read as radians in one file; exchanged columns; phases of
+a file of magnitudes or of reciprocals; degrees read as radians in one file; exchanged columns; phases of
 another configuration.
 
 A wrong overhang is a right answer where the records are of another overhang than stated, whatever mixed them up.
@@ -41,7 +41,7 @@ ORDERS = {"receptance": 0, "mobility": 1, "accelerance": 2}
 Values = NDArray[np.complex128]
 
 
-def _in_file(d: Draw, change: Callable[[Values], Values]) -> Callable[[Estimate, Numbers, Where], Estimate]:
+def in_file(d: Draw, change: Callable[[Values], Values]) -> Callable[[Estimate, Numbers, Where], Estimate]:
     """Return what changes the values as they stand in the files."""
     order = ORDERS[d.bench.form]
 
@@ -58,30 +58,17 @@ def _only(d: Draw, analysis: Callable[[Estimate, Numbers, Where], Estimate]) -> 
     return Change(analysis=lambda e, p, where: analysis(e, p, where) if here(where) else e)
 
 
-def _pair(d: Draw) -> tuple[str, str]:
+def pair(d: Draw) -> tuple[str, str]:
     first, second = d.rng.choice(d.names, 2, replace=False)
     return str(first), str(second)
 
 
 def _copied_file(d: Draw) -> Change:
-    source, target = _pair(d)
+    source, target = pair(d)
 
     def files(records: list[Record]) -> list[Record]:
         kept = {(r.level, r.plane): r.estimate for r in records if r.configuration == source}
         return [replace(r, estimate=kept[r.level, r.plane]) if r.configuration == target else r for r in records]
-
-    return Change(files=files)
-
-
-def _exchanged_files(d: Draw) -> Change:
-    first, second = _pair(d)
-    other = {first: second, second: first}
-
-    def files(records: list[Record]) -> list[Record]:
-        every = {(r.configuration, r.level, r.plane): r.estimate for r in records}
-        return [
-            replace(r, estimate=every[other.get(r.configuration, r.configuration), r.level, r.plane]) for r in records
-        ]
 
     return Change(files=files)
 
@@ -109,7 +96,7 @@ def _fixed_decimals(d: Draw) -> Change:
         written = step * (np.round(values.real / step) + 1j * np.round(values.imag / step))
         return np.where(written == 0.0, step, written)
 
-    return Change(analysis=_in_file(d, rounded))
+    return Change(analysis=in_file(d, rounded))
 
 
 def _decibels(d: Draw) -> Change:
@@ -120,7 +107,7 @@ def _decibels(d: Draw) -> Change:
         phase = angle * np.round(np.angle(values) / angle)
         return np.asarray(10.0 ** (decibels / 20.0) * np.exp(1j * phase))
 
-    return Change(analysis=_in_file(d, rounded))
+    return Change(analysis=in_file(d, rounded))
 
 
 def _rounded_frequencies(d: Draw) -> Change:
@@ -151,16 +138,20 @@ def _other_axis(d: Draw) -> Change:
     return _only(d, analysis)
 
 
-def _conjugated(d: Draw) -> Change:
-    return Change(analysis=_in_file(d, np.conj))
+def _magnitudes(d: Draw) -> Change:
+    return _only(d, in_file(d, lambda values: np.abs(values).astype(np.complex128)))
+
+
+def _reciprocal(d: Draw) -> Change:
+    return _only(d, in_file(d, lambda values: 1.0 / values))
 
 
 def _degrees_as_radians(d: Draw) -> Change:
-    return _only(d, _in_file(d, lambda values: np.abs(values) * np.exp(1j * np.rad2deg(np.angle(values)))))
+    return _only(d, in_file(d, lambda values: np.abs(values) * np.exp(1j * np.rad2deg(np.angle(values)))))
 
 
 def _exchanged_columns(d: Draw) -> Change:
-    return Change(analysis=_in_file(d, lambda values: 1j * values.conj()))
+    return Change(analysis=in_file(d, lambda values: 1j * values.conj()))
 
 
 def _cut_time_records(d: Draw) -> Change:
@@ -184,7 +175,7 @@ def _filled_lines(d: Draw) -> Change:
         fill = TINY * np.abs(values).max() if tiny else values[last]
         return np.concatenate([values[: last + 1], np.full(values.size - last - 1, fill)])
 
-    return _only(d, _in_file(d, filled))
+    return _only(d, in_file(d, filled))
 
 
 def _lost_line(d: Draw) -> Change:
@@ -192,7 +183,7 @@ def _lost_line(d: Draw) -> Change:
         lost = round((1.0 - 0.7 * d.u) * (values.size - 1))
         return np.append(np.delete(values, lost), values[-1])
 
-    return Change(analysis=_in_file(d, shortened))
+    return Change(analysis=in_file(d, shortened))
 
 
 def _interpolated(d: Draw) -> Change:
@@ -203,7 +194,7 @@ def _interpolated(d: Draw) -> Change:
         kept = np.unique([*every[::step], every[-1]])
         return np.asarray(np.interp(every, kept, values[kept]))
 
-    return Change(analysis=_in_file(d, between))
+    return Change(analysis=in_file(d, between))
 
 
 def _smoothed(d: Draw) -> Change:
@@ -213,7 +204,7 @@ def _smoothed(d: Draw) -> Change:
         padded = np.pad(values, reach, mode="edge")
         return np.asarray(np.convolve(padded, np.full(2 * reach + 1, 1.0 / (2 * reach + 1)), mode="valid"))
 
-    return Change(analysis=_in_file(d, average))
+    return Change(analysis=in_file(d, average))
 
 
 def _corrupted_lines(d: Draw) -> Change:
@@ -225,12 +216,12 @@ def _corrupted_lines(d: Draw) -> Change:
             changed[int(place * values.size)] *= factor
         return changed
 
-    return _only(d, _in_file(d, corrupted))
+    return _only(d, in_file(d, corrupted))
 
 
 def _with_another(d: Draw, combine: Callable[[Values, Values], Values]) -> Change:
     """Combine the values of one configuration with those of another one on the same lines."""
-    target, source = _pair(d)
+    target, source = pair(d)
 
     def files(records: list[Record]) -> list[Record]:
         others = {(r.level, r.plane): r.estimate for r in records if r.configuration == source}
@@ -266,8 +257,6 @@ def _joined_bands(d: Draw) -> Change:
 FILE_ERRORS = (
     Kind("copied_file", "file", "The files of one configuration were copied over those of another one.", _copied_file,
          right=("overhang_error",), sized=False),
-    Kind("exchanged_files", "file", "The files of two configurations are exchanged.", _exchanged_files,
-         right=("overhang_error",), sized=False),
     Kind("earlier_session", "file", "One record is of an earlier session.", _earlier_session),
     Kind("fixed_decimals", "file", "The files have few decimals.", _fixed_decimals),
     Kind("decibels", "file", "The files have rounded levels in decibels and rounded phases.", _decibels),
@@ -277,7 +266,8 @@ FILE_ERRORS = (
          _hertz_in_conversion, right=("calibration_gain",), sized=False),
     Kind("other_axis", "file", "One file has its frequencies in rad/s, or divides Hz by 2 pi.", _other_axis,
          sized=False),
-    Kind("conjugated", "file", "The files have the other sign of the exponent in time.", _conjugated, sized=False),
+    Kind("magnitudes", "file", "One file has magnitudes without phases.", _magnitudes, sized=False),
+    Kind("reciprocal", "file", "One file holds the reciprocal, as of a dynamic stiffness.", _reciprocal, sized=False),
     Kind("degrees_as_radians", "file", "The phases of one file are in degrees and read as radians.",
          _degrees_as_radians, sized=False),
     Kind("exchanged_columns", "file", "Real and imaginary parts are exchanged.", _exchanged_columns, sized=False),
