@@ -11,7 +11,6 @@ import numpy as np
 from receptance import diagnosis
 from receptance.diagnosis.by_mode import ModeResidual, curves
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Gain
-from receptance.diagnosis.held_out_curves import held_out_curves
 from receptance.diagnosis.text import capital, names, odds, share, size_texts
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.diagnosis.verdict import CandidateCause, Verdict
@@ -35,6 +34,8 @@ _MOST_LINES = 30
 """Lines for the campaign file that are shown; more are only counted."""
 _LONGEST = 6
 """Causes and modes in tables of a terminal; the page and `to_dict` have all of them."""
+_HELD_OUT = 4
+"""Number of held-out records that are drawn."""
 _RECORDS = 12
 """Number of records that are drawn, those with the largest residuals: a page of about 1 MB at most."""
 
@@ -439,8 +440,8 @@ def _section_of_held_out_data(verdict: Verdict) -> Iterator[PageSection]:
         return
     fitted = "which were not fitted" if verdict.held_out is not None else "each left out of the fit"
     drawn = [
-        (f"held out: {before.label}", diagnosis.figure.curve_figure(before, after))
-        for before, after in held_out_curves(verdict)
+        (f"held out: {before.label}", diagnosis.figure.curve_figure(before, after if verdict.causes else None))
+        for before, after in verdict.improvement.curves[:_HELD_OUT]
     ]
     texts = [f"Records {fitted}: measured, and predicted."] if drawn else []
     gain = verdict.gains[0]

@@ -129,17 +129,8 @@ LISTED = 3
 LOOK_ALIKE = 0.9
 """Cosine between the effects of two causes from which they are listed as look-alikes."""
 
-# The advice.
-
-QUANTITY_SHOWN = 1e3
-"""Increase of chi-square by a wrong quantity where a known mass is measured."""
-
 # Predictions, held-out data and residuals by mode.
 
-LEAST_PROBABILITY = 0.01
-"""Probability below which a model is neglected in a prediction."""
-BEYOND_LIMIT = 1.1
-"""Highest natural frequency of the other models, as a multiple of the limit of a prediction."""
 EVALUATIONS_OF_PREDICTION = 12
 """Most evaluations of the fits of a prediction."""
 

@@ -11,14 +11,14 @@ import numpy as np
 
 from receptance import diagnosis
 from receptance.diagnosis.advice import ProposedMeasurement
-from receptance.diagnosis.averaging import AveragedAssembly
-from receptance.diagnosis.by_mode import Bias, ModeResidual, residuals_by_mode, residuals_of_frequencies
+from receptance.diagnosis.by_mode import Bias, ModeResidual, residuals_by_mode
 from receptance.diagnosis.causes import Variant
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import DiscrepancyFit, Fit, fit_discrepancy, sufficient
 from receptance.diagnosis.held_out import Gain, Improvement
 from receptance.diagnosis.judgement import Answer, Judgement, limits_of
 from receptance.diagnosis.model import Model
+from receptance.diagnosis.prediction import AveragedAssembly
 from receptance.diagnosis.screening import look_alikes
 from receptance.diagnosis.text import Reason, Size, sizes, title_of
 from receptance.diagnosis.thresholds import KEPT_ON_INTERRUPT, LISTED, MARGIN
@@ -315,12 +315,12 @@ class Verdict(Result):
         if identified.discrepancy is not None:
             left, relative = None, 0.0  # its predictions have the discrepancy
         return AveragedAssembly(
-            self.selection,
-            self.explanation,
-            identified,
-            Site(assembly, configuration, "", conditions or {}),
-            tolerances,
-            relative if left is None else left.frequency,
+            selection=self.selection,
+            reported=self.explanation,
+            identified=identified,
+            site=Site(assembly, configuration, "", conditions or {}),
+            tolerances=tolerances,
+            discrepancy=relative if left is None else left.frequency,
         )
 
     # Errors.
@@ -352,8 +352,8 @@ class Verdict(Result):
 
     def frequency_errors(self) -> list[dict[str, Any]]:
         """Return modelled less measured natural frequencies in percent, before and after, by mode."""
-        before = residuals_of_frequencies(self.base_fit)
-        after = before if self.explanation is None else residuals_of_frequencies(self.explanation.fit)
+        before = residuals_by_mode(self.base_fit, of_receptances=False)
+        after = before if self.explanation is None else residuals_by_mode(self.explanation.fit, of_receptances=False)
         names = ("label", "mode", "measured_hz", "before", "after")
         return [
             dict(zip(names, (b.label, b.mode, b.measured_hz, b.frequency_percent, a.frequency_percent), strict=True))
