@@ -41,6 +41,11 @@ class Curve:
     damping_ratio: NDArray[np.float64] | None = None
     """`(n,)` modelled damping ratios of natural frequencies; NaN where none was measured."""
 
+    def on(self, lines: NDArray[np.bool_]) -> Curve:
+        """Return a receptance on some of its lines."""
+        names = ("frequency_hz", "measured", "modelled", "residual")
+        return replace(self, **{name: getattr(self, name)[..., lines] for name in names})
+
 
 @dataclass(frozen=True)
 class ModeResidual:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from receptance import diagnosis
-from receptance.diagnosis.by_mode import ModeResidual, curves
+from receptance.diagnosis.by_mode import ModeResidual
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Gain
 from receptance.diagnosis.text import capital, names, odds, share, size_texts
 from receptance.diagnosis.thresholds import MARGIN
@@ -462,28 +462,20 @@ def _section_of_held_out_data(verdict: Verdict) -> Iterator[PageSection]:
 
 
 def _section_of_fitted_data(verdict: Verdict) -> PageSection:
-    observations, explanation = verdict.selection.base.model.observations, verdict.explanation
-    before = curves(verdict.base_fit)
-    after = [None] * len(before) if explanation is None else [*curves(explanation.fit)]
-    records = [i for i, observation in enumerate(observations) if observation.is_receptance]
-    lists = [i for i in range(len(before)) if i not in records]
-    largest = sorted(records, key=lambda i: -float((before[i].residual ** 2).mean()))[:_RECORDS]
-    drawn = [
-        (before[i].label or f"receptance {i + 1}", diagnosis.figure.curve_figure(before[i], after[i]))
-        for i in sorted(largest)
-    ]
-    if lists:
-        extended = [curve for i in lists if (curve := after[i]) is not None]
-        drawn.append(("natural frequencies", diagnosis.figure.frequencies_figure([before[i] for i in lists], extended)))
+    model = verdict.selection.base.model
+    records, frequencies = diagnosis.figure.fitted_curves(verdict, _RECORDS)
+    drawn = [(before.label, diagnosis.figure.curve_figure(before, after)) for before, after in records]
+    if frequencies:
+        drawn.append(("natural frequencies", diagnosis.figure.frequencies_figure(frequencies)))
     counts = {
-        "receptances": len(records),
-        "lines": sum(before[i].frequency_hz.size for i in records),
-        "natural frequencies": sum(before[i].frequency_hz.size for i in lists),
-        "configurations": len(verdict.selection.base.model.configurations),
+        "receptances": len(model.receptances),
+        "lines": sum(observation.frequency_hz.size for observation in model.receptances),
+        "natural frequencies": sum(before.frequency_hz.size for before, _ in frequencies),
+        "configurations": len(model.configurations),
     }
     texts = [f"Number of {', '.join(f'{name}: {count}' for name, count in counts.items() if count)}."]
-    if len(records) > len(largest):
-        texts.append(f"The {len(largest)} receptances with the largest residuals are drawn.")
+    if len(model.receptances) > len(records):
+        texts.append(f"The {len(records)} receptances with the largest residuals are drawn.")
     modes = _mode_table("Residuals at each mode, modelled less measured", verdict.modes, verdict.modes_after)
     return PageSection("Fitted data", texts, drawn, [modes] if modes.rows else [])
 
