@@ -317,20 +317,8 @@ def _better(
     """Return the best proposal so far with its worth, or a further one that is worth more.
 
     The worth is that of the share of the explanations that it resolves; if it resolves none, of the smallest increase
-    of chi-square.
-
-    Parameters
-    ----------
-    best : (float, ProposedMeasurement) or None
-        Worth and proposal so far.
-    action, cost : str, float
-        The further measurement, or two of them.
-    increases : mapping of (int, int) to float
-        Increase of chi-square of the second explanation if the first one is true.
-    remaining : sequence of Explanation
-        The explanations.
-    ids : sequence of str
-        Ids of the causes that are to be confirmed or refuted.
+    of chi-square. `increases` are those of the second explanation if the first one is true, and `ids` the causes that
+    are to be confirmed or refuted.
     """
     separated = {(a, b): _separates(x, remaining[a], remaining[b]) for (a, b), x in increases.items()}
     count, numbers = len(remaining), range(len(remaining))

@@ -225,12 +225,7 @@ def slenderness_of(model: Model) -> dict[str, float]:
 def bias_of(modes: Sequence[ModeResidual], slenderness: Mapping[str, float]) -> Bias | None:
     """Return the most significant common sign of errors: of all tools, or of a half or a third of them by slenderness.
 
-    Parameters
-    ----------
-    modes : sequence of ModeResidual
-        Residuals by mode.
-    slenderness : mapping of str to float
-        Of the configurations, see `slenderness_of`.
+    `slenderness` is that of the configurations, see `slenderness_of`.
     """
     errors: dict[int, dict[str, float]] = {}
     for mode in modes:

@@ -25,10 +25,7 @@ _FAR = 3.0
 def select_lines(model: Model) -> tuple[Model, tuple[Reason, ...]]:
     """Return the model with the lines that a diagnosis can use, and the reasons why others are left out.
 
-    Raises
-    ------
-    ValueError
-        No measurement has enough such lines.
+    It is an error if no measurement has enough such lines.
     """
     reasons: list[Reason] = []
     dropped: dict[str, int] = {}
@@ -59,11 +56,6 @@ def with_table_noise(model: Model) -> tuple[Model, tuple[Reason, ...]]:
     """Return the model with records whose variance includes the errors of what ends their assemblies, and reasons.
 
     What ends them is a spindle or holder that is given as data.
-
-    Parameters
-    ----------
-    model : Model
-        Observations with standard deviations.
     """
     exact: list[MeasuredPart] = []
     for observation in model.observations:

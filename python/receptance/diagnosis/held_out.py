@@ -142,15 +142,6 @@ def cross_validate(selection: Selection, metrics: Mapping[str, Metric] | None, p
 
     Where there are more configurations than folds, several are left out together. A KeyboardInterrupt ends it with the
     completed folds.
-
-    Parameters
-    ----------
-    selection : Selection
-        The fits to all configurations.
-    metrics : mapping of str to callable, optional
-        User-defined metrics.
-    progress : Progress
-        Reports each fold.
     """
     model = selection.base.model
     folds: list[Fold] = []
@@ -430,13 +421,6 @@ def _interval(
     their differences. The number of effective units, N over the design effect, gives the degrees of freedom, which are
     at least those of the folds. The interval of a single fold is infinite: it does not show the scatter between folds.
     `tests/validation/improvement_interval.py` measures the coverage.
-
-    Parameters
-    ----------
-    metric : str
-        The metric.
-    folds : sequence of (ndarray, ndarray)
-        Units of each fold, before and after.
     """
     numbers = np.repeat(np.arange(len(folds)), [len(before) for before, _ in folds])
     count = numbers.size

@@ -125,7 +125,8 @@ STRAIN_CHANCE = 1e-2
 """Probability of the strain of the tolerances below which a cause is suspected only: a wrong cause leaves an effect
 that the tolerances absorb."""
 LISTED = 3
-"""Number of vetoed causes that are listed."""
+"""Number of vetoed causes that are listed, and of causes alone whose improvement is measured in each fold, the highest
+evidence first."""
 LOOK_ALIKE = 0.9
 """Cosine between the effects of two causes from which they are listed as look-alikes."""
 
@@ -136,8 +137,6 @@ EVALUATIONS_OF_PREDICTION = 12
 
 FOLDS = 4
 """Most folds; each repeats the choice among the leading explanations."""
-SINGLES_HELD_OUT = 3
-"""Causes whose own improvement is measured in each fold, the highest evidence first."""
 CIRCLE_WIDTHS = 4.0
 """Half-power widths on each side of a peak over which a circle is fitted."""
 BIAS_CONFIGURATIONS = 3
