@@ -54,10 +54,10 @@ def facts(verdict: Verdict) -> list[Fact]:
         shown += _size_and_remedy(cause)
     if verdict.explanation is not None and (lines := verdict.campaign.lines):
         added = f"add the {names([variant.cause.id for variant in verdict.explanation.variants])} to the model"
-        fact = Fact("Campaign file", (f"These lines {added}:",), lines)
+        text, copied = f"These lines {added}:", lines
         if len(lines) > _MOST_LINES:
-            fact = Fact("Campaign file", (f"{len(lines)} lines {added}; the option --extended writes them.",))
-        shown.append(fact)
+            text, copied = f"{len(lines)} lines {added}; the option --extended writes them.", ()
+        shown.append(Fact("Campaign file", (text,), copied))
     for cause in verdict.vetoed:
         text = (
             f"With the {names((cause.id, *cause.together_with))} the residuals fall from "
@@ -242,17 +242,16 @@ def _effect(verdict: Verdict) -> list[Table]:
 def _residuals(verdict: Verdict) -> Iterator[_Row]:
     before, after = verdict.adequacy, verdict.adequacy_after
     if _is_fitted(verdict):
-        misfit, rest, change = f"{times(before.misfit)} times", None, ""
+        rest, change = None, ""
         if after is not None:
-            rest = f"{times(after.misfit)} times"
-            level = "within" if after.passed else "above"
+            rest, level = f"{times(after.misfit)} times", "within" if after.passed else "above"
             change = f"{_decibel(before.misfit**0.5, after.misfit**0.5)}, the rest is {level} noise"
-        yield "residuals over noise, rms", misfit, rest, change
+        yield "residuals over noise, rms", f"{times(before.misfit)} times", rest, change
     shares = [("natural frequencies, rms error", _rms(verdict.modes), _rms(verdict.modes_after))]
     if verdict.discrepancy is not None:
-        before_and_after = (verdict.discrepancy, verdict.discrepancy_after)
+        pair = (verdict.discrepancy, verdict.discrepancy_after)
         for name, field in (("damping", "damping"), ("level", "relative"), ("natural frequencies", "frequency")):
-            size, left = (getattr(found, field, None) for found in before_and_after)
+            size, left = (getattr(discrepancy, field, None) for discrepancy in pair)
             shares.insert(0, (f"model discrepancy, {name}", size, left))
     for name, size, left in shares:
         if size is not None:
@@ -336,8 +335,8 @@ def alternatives(verdict: Verdict, most: int | None = None) -> Table:
     rows: list[list[Cell]] = [["none: the model as it is", "", odds(best), before, ""]]
     for cause in likely[:most]:
         held_out = None if gain is None or cause.held_out is None else of_metric(gain.metric, cause.held_out)
-        shown = [cause.title, _share(verdict, cause), odds(best - cause.evidence), held_out, _why_not(verdict, cause)]
-        rows.append([*shown])
+        behind = odds(best - cause.evidence)
+        rows.append([cause.title, _share(verdict, cause), behind, held_out, _why_not(verdict, cause)])
     columns = ("cause, alone", Column("share\nexplained"), Column("odds to\nthe best"), Column("held out"), "why not")
     notes = [] if gain is None else [f"Held out: {metric_name(gain.metric)}."]
     if less := len(likely) - len(likely[:most]):
