@@ -23,7 +23,7 @@ from receptance.diagnosis.model import IndescribableError, Model
 from receptance.diagnosis.prediction import predicted_data
 from receptance.diagnosis.progress import Progress, in_parallel
 from receptance.diagnosis.text import Reason
-from receptance.diagnosis.thresholds import EVALUATIONS_OF_PREDICTION, FOLDS
+from receptance.diagnosis.thresholds import EVALUATIONS, FOLDS
 from receptance.errors import ReceptanceError
 from receptance.fit.covariance import confidence_multiplier
 from receptance.fit.observation import Observation
@@ -266,12 +266,12 @@ def predict(fit: Fit, model: Model, metrics: Mapping[str, Metric] | None = None,
     """
     data = predicted_data(fit, model)
     try:
-        end = data.fit(EVALUATIONS_OF_PREDICTION, CONVERGED)
+        end = data.fit(EVALUATIONS, CONVERGED)
         if not np.isfinite(end.cost):
             return Prediction()
         residuals, assemblies, score = data.residuals(end), data.assemblies(end.x), math.nan
         if scored and all(observation.weighted for observation in model.observations):
-            score = data.log_score(data.fit(EVALUATIONS_OF_PREDICTION, CONVERGED, all_variables=True))
+            score = data.log_score(data.fit(EVALUATIONS, CONVERGED, all_variables=True))
     except InfeasibleError:
         return Prediction()
     modes: list[ModeResidual] = []

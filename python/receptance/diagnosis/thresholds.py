@@ -20,7 +20,7 @@ BLOCKS = 120
 TIE = 0.01
 """Difference of evidence below which two explanations are equal: fits end within less than this of their optimum."""
 EVALUATIONS = 100
-"""Most evaluations of a fit on all lines."""
+"""Most evaluations of a fit on all lines, and of one of the errors of a prediction."""
 EVALUATIONS_OF_BASE = 200
 """Most evaluations from each start of the base on few lines."""
 CONTINUED_BASE = 4
@@ -131,9 +131,6 @@ LOOK_ALIKE = 0.9
 """Cosine between the effects of two causes from which they are listed as look-alikes."""
 
 # Predictions, held-out data and residuals by mode.
-
-EVALUATIONS_OF_PREDICTION = 12
-"""Most evaluations of the fits of a prediction."""
 
 FOLDS = 4
 """Most folds; each repeats the choice among the leading explanations."""
