@@ -33,6 +33,9 @@ Pair: TypeAlias = tuple[Curve, Curve | None]
 """A curve before, and after the causes are part of the model; None without a cause."""
 
 _CANDIDATES = 14
+"""Causes in the figure of the evidence."""
+_LEADING = 8
+"""Causes in a panel, which has room for so many names of two lines."""
 _NAME = 26
 """Characters in a line of the name of a cause."""
 _DECADES = 8.0
@@ -70,7 +73,7 @@ def draw_diagnosis(verdict: Verdict, ax: Axes | None = None) -> Figure:
     if frequencies:
         _draw_frequencies(next(axes), frequencies)
     if verdict.candidates:
-        _draw_evidence(next(axes), verdict, "Odds of each cause to the best")
+        _draw_evidence(next(axes), verdict, _LEADING, "Odds of the leading causes to the best")
     return finished(figure)
 
 
@@ -125,7 +128,7 @@ def frequencies_figure(pairs: Sequence[Pair]) -> Figure:
 def evidence_figure(verdict: Verdict) -> Figure:
     """Return how far each cause is behind the best."""
     figure = new_figure(_SIZE[0], 1.0 + 0.28 * min(len(verdict.candidates) + 1, _CANDIDATES))
-    _draw_evidence(figure.subplots(), verdict)
+    _draw_evidence(figure.subplots(), verdict, _CANDIDATES)
     return finished(figure)
 
 
@@ -188,11 +191,11 @@ def _draw_frequencies(axes: Axes, pairs: Sequence[Pair]) -> None:
     add_legend(axes)
 
 
-def _draw_evidence(axes: Axes, verdict: Verdict, title: str = "") -> None:
+def _draw_evidence(axes: Axes, verdict: Verdict, most: int, title: str = "") -> None:
     """Draw the odds of each cause to the best in powers of ten; a dashed line marks the margin of evidence."""
     reported, best = {cause.id for cause in verdict.causes}, verdict.best_evidence
     bars = [(best - cause.evidence, cause.title, cause.id in reported) for cause in verdict.candidates]
-    bars = sorted([(best, "the model as it is", False), *bars], key=lambda bar: bar[0])[:_CANDIDATES]
+    bars = sorted([(best, "the model as it is", False), *bars], key=lambda bar: bar[0])[:most]
     set_up(axes, title, "n, where the odds are 1 : 10^n", "", grid="x")
     for place, (behind, _, is_cause) in enumerate(bars):
         decades, colour = min(0.5 * behind / np.log(10.0), _DECADES), COLOURS[2] if is_cause else PALE
