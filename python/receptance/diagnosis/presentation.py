@@ -19,7 +19,7 @@ from receptance.fit.result import Identification
 from receptance.report import Column, Fact, PageSection, Table
 from receptance.report.table import Cell, amount, amount_interval, number, percent
 
-SENTENCE = {
+_ANSWERS = {
     "adequate": "noise, floor and tolerances explain the residuals.",
     "undecided": "the model cannot be judged: too few degrees of freedom are left.",
     "named": "the model is inadequate, and the data identify the cause.",
@@ -85,7 +85,7 @@ def facts(verdict: Verdict) -> list[Fact]:
 
 def _answer(verdict: Verdict) -> Iterator[str]:
     if verdict.interrupted is None:
-        yield f"{verdict.verdict}: {SENTENCE[verdict.verdict]}"
+        yield f"{verdict.verdict}: {_ANSWERS[verdict.verdict]}"
     else:
         yield f"{verdict.verdict}, not final: {verdict.interrupted}."
     if not _is_fitted(verdict):
