@@ -190,7 +190,7 @@ class Measurements(_AboutCause):
 
 def _is_for(measurement: MenuItem, id: str) -> bool:
     causes = {name.partition(".")[0] for name in measurement.accuracy}
-    return id in measurement.presence | measurement.without | causes
+    return id in measurement.without | causes
 
 
 class CauseList(SphinxDirective):

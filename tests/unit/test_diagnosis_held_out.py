@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import optimize, stats
 
 from blank_in_holder import STARTED as JOINT
 from blank_in_holder import make_assembly as in_holder
@@ -21,13 +21,14 @@ from receptance.diagnosis.held_out import (
     FREQUENCIES,
     SCORE,
     SPECTRAL,
+    Fold,
     Gain,
-    _Fold,
+    Prediction,
     doubt_prediction,
     gain_of,
-    metrics_of,
-    predicted_data,
+    predict,
 )
+from receptance.diagnosis.prediction import predicted_data
 from receptance.fit import Move, Tolerance
 from receptance.fit.observation import altered
 from variant_of_cause import extended_by
@@ -127,17 +128,40 @@ def test_individual_errors_are_fitted_before_and_after() -> None:
     off = Observation(
         assembly=make_assembly(0.1), frequency_hz=LINES, receptance=off.receptance, standard_deviation=0.01, label="0.1"
     )
-    without, _ = metrics_of(fit, Model((off,), tuple(JOINT)))
-    with_error, _ = metrics_of(fit, Model((off,), tuple(JOINT), clamping(0.1)))
+    without = predict(fit, Model((off,), tuple(JOINT))).metrics
+    with_error = predict(fit, Model((off,), tuple(JOINT), clamping(0.1))).metrics
     assert with_error[SPECTRAL] < 0.7 * without[SPECTRAL]
     assert with_error[SCORE] > without[SCORE] + 100.0
+
+
+def test_errors_far_from_the_model_are_fitted_to_the_end() -> None:
+    """A forgotten mass of 3 g, which only the length of that tool can imitate: the best length by a plain search."""
+    model = Model((make_observations(0.06), make_observations(0.08, seed=2)), tuple(JOINT))
+    fit, deviation = refit(model, {}), 5e-4
+    measured = make_assembly(0.1, masses=[PointMass(mass=3e-3)]).receptance(LINES)
+    off = observe(make_assembly(0.1), LINES, measured, np.random.default_rng(3), "0.1")
+    clamping_error = Tolerance(name="clamping", moves={LENGTH: deviation}, configurations="0.1")
+
+    def logarithms(error: float) -> np.ndarray:
+        there = make_assembly(0.1 + deviation * error).replace(fit.values)
+        return np.log(off.receptance / there.receptance(LINES))
+
+    def cost(error: float) -> float:
+        return float(np.sum(np.square(np.abs(logarithms(error)) / off.standard_deviation)) + error**2)
+
+    errors = np.linspace(-20.0, 20.0, 401)
+    best = errors[np.argmin([cost(error) for error in errors])]
+    best = optimize.minimize_scalar(cost, bounds=(best - 0.2, best + 0.2), method="bounded").x
+    expected = math.sqrt(np.mean(np.square(np.abs(logarithms(best)))))
+    predicted = predict(fit, Model((off,), tuple(JOINT), (clamping_error,)))
+    assert predicted.metrics[SPECTRAL] == pytest.approx(expected, rel=1e-3)
 
 
 def test_natural_frequencies_alone_and_a_held_out_gain() -> None:
     model = Model((make_observations(0.06, factor=1.05), make_observations(0.08, seed=2, factor=1.05)), tuple(JOINT))
     base, fit = refit(model, {}), refit(extended_by(model, "calibration_gain", "all"), {})
     other = Model((make_observations(0.1, seed=3, factor=1.05),), tuple(JOINT))
-    before, after = (metrics_of(one, other)[0] for one in (base, fit))
+    before, after = (predict(one, other).metrics for one in (base, fit))
     assert after[SPECTRAL] == pytest.approx(0.01 * math.sqrt(2.0), rel=0.15)
     assert before[SPECTRAL] > 2.0 * after[SPECTRAL]
     assert abs(before[FREQUENCIES] - after[FREQUENCIES]) < 0.05
@@ -150,16 +174,16 @@ def test_prediction_without_a_model_is_missing() -> None:
     )
     fit = refit(model, {"longer": 0.0})
     far = replace(fit, x=np.append(fit.x[:-1], -0.09))
-    assert metrics_of(far, Model((make_observations(0.06),), model.unknowns)) == ({}, ())
+    assert predict(far, Model((make_observations(0.06),), model.unknowns)) == Prediction()
 
 
-def folds(*pairs: tuple[float, float]) -> list[_Fold]:
+def folds(*pairs: tuple[float, float]) -> list[Fold]:
     """Return folds of one unit each."""
 
-    def units(value: float) -> dict[str, np.ndarray]:
-        return {SPECTRAL: np.array([[100.0 * value**2, 100.0]]), SCORE: np.array([[value, 1.0]])}
+    def units(value: float) -> Prediction:
+        return Prediction({SPECTRAL: np.array([[100.0 * value**2, 100.0]]), SCORE: np.array([[value, 1.0]])})
 
-    return [_Fold(f"{i}", "named", (), units(b), units(a)) for i, (b, a) in enumerate(pairs)]
+    return [Fold(f"{i}", "named", (), units(b), units(a)) for i, (b, a) in enumerate(pairs)]
 
 
 def test_intervals() -> None:
@@ -189,7 +213,7 @@ def test_intervals_of_units_in_folds() -> None:
 
     def found(differences: np.ndarray) -> Gain:
         table = [
-            _Fold(f"{i}", "named", (), {"own": np.column_stack([3.0 + d, np.ones(d.size)])}, {"own": three})
+            Fold(f"{i}", "named", (), Prediction({"own": np.column_stack([3.0 + d, np.ones(d.size)])}), after)
             for i, d in enumerate(differences)
         ]
         gain = gain_of("own", table)
@@ -198,7 +222,7 @@ def test_intervals_of_units_in_folds() -> None:
         assert np.mean(gain.interval) == pytest.approx(np.mean(differences))
         return gain
 
-    three = np.array([[3.0, 1.0]] * 3)
+    after = Prediction({"own": np.array([[3.0, 1.0]] * 3)})
     alone = np.array([[0.4, 0.5, 0.6], [0.6, 0.4, 0.5], [0.5, 0.6, 0.4]])
     # No differences between folds: the variance within them, with eight degrees of freedom.
     gain = found(alone)
@@ -294,6 +318,21 @@ def test_a_cause_that_predicts_better_or_acts_in_one_configuration_is_named(wher
         gain = replace(verdict.gain, held_out_before=0.05, held_out_after=after, folds=(fold,))
         doubt = doubt_prediction(verdict.selection.base, verdict.explanation, gain)
         assert (None if doubt is None else doubt.code) == (code if where is None else None)
+
+
+def test_an_interruption_while_a_fold_is_predicted_keeps_the_results() -> None:
+    data = [make_observations(x, seed=i) for i, x in enumerate((0.06, 0.08, 0.1))]
+    predicted: list[str] = []
+
+    def interrupting(held_out: HeldOut) -> float:
+        predicted.append(held_out.observation.label)
+        if len(predicted) > 1:
+            raise KeyboardInterrupt
+        return 1.0
+
+    verdict = diagnose(data, JOINT, causes=["sensor_mass"], held_out=True, metrics={"interrupting": interrupting})
+    assert (verdict.verdict, verdict.final) == ("adequate", False)
+    assert [fold["configuration"] for fold in verdict.gains[-1].folds] == predicted[:1]
 
 
 def test_bad_metrics() -> None:

@@ -13,11 +13,11 @@ from blank_in_holder import STARTED as JOINT
 from blank_in_holder import make_assembly, observe
 from receptance import STEEL, Observation, PointJoint
 from receptance.diagnosis import Model, diagnose
-from receptance.diagnosis.averaging import average
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import fit_base, refit
-from receptance.diagnosis.held_out import SPECTRAL, metrics_of
+from receptance.diagnosis.held_out import SPECTRAL, predict
 from receptance.diagnosis.judgement import conclude
+from receptance.diagnosis.prediction import average
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.fit import Law, PredictedFrequencies, PredictedMode, Scatter
 from variant_of_cause import extended_by
@@ -41,10 +41,10 @@ def test_folds_exclude_their_held_out_data() -> None:
     spectral = next(one for one in verdict.gains if one.metric == SPECTRAL)
     for index, fold in enumerate(spectral.folds):
         others = tuple(one for i, one in enumerate(data) if i != index)
-        alone = metrics_of(fit_base(Model(others, tuple(JOINT))), Model((data[index],), tuple(JOINT)))[0][SPECTRAL]
+        alone = predict(fit_base(Model(others, tuple(JOINT))), Model((data[index],), tuple(JOINT))).metrics[SPECTRAL]
         assert fold["before"] == pytest.approx(alone, rel=1e-4)
     everything = fit_base(Model(tuple(data), tuple(JOINT)))
-    measured_data = metrics_of(everything, Model((data[2],), tuple(JOINT)))[0][SPECTRAL]
+    measured_data = predict(everything, Model((data[2],), tuple(JOINT))).metrics[SPECTRAL]
     assert spectral.folds[2]["before"] > 1.2 * measured_data
 
 

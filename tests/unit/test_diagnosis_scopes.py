@@ -25,7 +25,7 @@ from receptance import (
 )
 from receptance.diagnosis import CATALOGUE, Model, diagnose
 from receptance.diagnosis.causes import transfer
-from receptance.diagnosis.contradictions import contradictions
+from receptance.diagnosis.data import contradictions
 from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.scopes import Scope, scopes_of
 from receptance.errors import ReceptanceWarning

@@ -12,7 +12,7 @@ import argparse
 import numpy as np
 from scipy import stats
 
-from receptance.diagnosis.held_out import _Fold, gain_of
+from receptance.diagnosis.held_out import Fold, Prediction, gain_of
 
 MEAN = 1.0
 
@@ -20,13 +20,13 @@ MEAN = 1.0
 def coverage(folds: int, modes: int, correlation: float, draws: int, seed: int) -> tuple[float, float, float, float]:
     """Return coverage and median width of the intervals, and those of the jackknife over folds."""
     rng = np.random.default_rng(seed)
-    after = {"own": np.tile([10.0, 1.0], (modes, 1))}
+    after = Prediction({"own": np.tile([10.0, 1.0], (modes, 1))})
     found = np.empty((draws, 2, 2))
     for draw in range(draws):
         common = rng.normal(size=(folds, 1)) * np.sqrt(correlation)
         own = MEAN + common + rng.normal(size=(folds, modes)) * np.sqrt(1.0 - correlation)
-        before = [{"own": np.column_stack([10.0 + one, np.ones(modes)])} for one in own]
-        gain = gain_of("own", [_Fold(f"{i}", "named", (), one, after) for i, one in enumerate(before)])
+        before = [Prediction({"own": np.column_stack([10.0 + one, np.ones(modes)])}) for one in own]
+        gain = gain_of("own", [Fold(f"{i}", "named", (), one, after) for i, one in enumerate(before)])
         assert gain is not None
         means = own.mean(axis=1)
         half = stats.t.ppf(0.975, folds - 1) * means.std(ddof=1) / np.sqrt(folds)

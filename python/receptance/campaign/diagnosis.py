@@ -13,7 +13,7 @@ from receptance.coupling.unknown_modes import ModeChoice
 from receptance.diagnosis import Cause, Metric, Verdict, diagnose
 from receptance.diagnosis.by_mode import bias_of, slenderness_of
 from receptance.diagnosis.fitting import fit_base
-from receptance.diagnosis.held_out import FREQUENCIES, metrics_of
+from receptance.diagnosis.held_out import FREQUENCIES, predict
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.text import Reason
 from receptance.diagnosis.thresholds import LEAST_FREEDOM
@@ -135,11 +135,11 @@ def _held_out_error(campaign: CampaignData) -> list[Reason]:
         tolerances=tuple(campaign.errors_of(campaign.held_out)),
     )
     try:
-        errors, modes = metrics_of(fit_base(model), out, scored=False)
+        predicted = predict(fit_base(model), out, scored=False)
     except (ValueError, ReceptanceError):
         return []
-    if FREQUENCIES not in errors:
+    if FREQUENCIES not in predicted.metrics:
         return []
-    bias = bias_of(modes, slenderness_of(out))
-    error = Reason("held_out_error", {"percent": errors[FREQUENCIES]})
+    bias = bias_of(predicted.modes, slenderness_of(out))
+    error = Reason("held_out_error", {"percent": predicted.metrics[FREQUENCIES]})
     return [error] if bias is None else [error, Reason("bias", {"bias": bias})]

@@ -12,7 +12,6 @@ from receptance.campaign import load
 from receptance.campaign.write import with_campaign_lines
 from receptance.cli.running import input_errors
 from receptance.diagnosis import Verdict
-from receptance.diagnosis.held_out_curves import held_out_curves
 from receptance.diagnosis.presentation import metric_name, of_metric
 from receptance.examples import EXAMPLES
 from receptance.fit import Identification
@@ -69,5 +68,5 @@ def _prediction(verdict: Verdict, *, after: bool) -> str:
 
 def draw(verdict: Verdict) -> Any:
     """Return the figure of the held-out prediction before and after."""
-    ((before, after),) = held_out_curves(verdict)
+    ((before, after),) = verdict.improvement.curves
     return diagnosis.figure.prediction_figure(before, after)

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from receptance.diagnosis.causes import transfer
 from receptance.diagnosis.explanation import Explanation, Selection
-from receptance.diagnosis.held_out import predictor_of
 from receptance.diagnosis.judgement import Judgement
 from receptance.diagnosis.model import Model, named, with_points
-from receptance.diagnosis.thresholds import MARGIN, QUANTITY_SHOWN
+from receptance.diagnosis.prediction import predictor_of
+from receptance.diagnosis.thresholds import MARGIN
 from receptance.errors import ReceptanceError
 from receptance.fit.observation import Observation, altered
 from receptance.fit.predictor import Predictor
@@ -61,12 +61,13 @@ class Hypothesis:
 
     @cached_property
     def sizes(self) -> dict[str, tuple[float, float]]:
-        """Sizes of its causes and their standard errors."""
-        whole = self.whole
+        """Sizes of its causes beyond their nulls and the standard errors; a cause without a size has 1."""
+        whole, parameters = self.whole, self.explanation.parameters
         errors = np.linalg.norm(np.linalg.inv(whole.information_root), axis=1) * whole.variables.slopes(whole.values)
-        pairs = zip(whole.values.tolist(), errors.tolist(), strict=True)
-        sizes = dict(zip(whole.variables.names, pairs, strict=True))
-        return {name: sizes[name] for name in self.explanation.parameters}
+        rows = zip(whole.variables.names, whole.values.tolist(), errors.tolist(), strict=True)
+        sizes = {name: (value - parameters[name].null, error) for name, value, error in rows if name in parameters}
+        without = self.explanation.ids - {parameter.cause for parameter in parameters.values()}
+        return sizes | dict.fromkeys(without, (1.0, 0.0))
 
     @cached_property
     def fitted(self) -> tuple[Observation, ...]:
@@ -144,9 +145,8 @@ class MenuItem:
     cost: float
     """Effort, about that of so many hits on the machine."""
     accuracy: Mapping[str, float] = field(default_factory=dict)
-    """Standard deviation of a direct measurement of sizes in SI units, by parameter ("sensor_mass.mass")."""
-    presence: frozenset[str] = frozenset()
-    """Ids of causes without a size that it shows as well."""
+    """Standard deviation of a direct measurement of sizes in SI units, by parameter ("sensor_mass.mass"), or by the id
+    of a cause without a size."""
     describe: Callable[[Menu], Candidate | None] | None = None
     """Returns the simulated measurement; None where the model does not have it."""
     without: frozenset[str] = frozenset()
@@ -161,25 +161,22 @@ class MenuItem:
 
         It is zero where the measurement does not apply.
         """
-        ids = truth.explanation.ids, other.explanation.ids
+        ids = truth.explanation.ids | other.explanation.ids
         if self.describe is not None:
-            if self.without and not self.without & (ids[0] | ids[1]):
+            if self.without and not self.without & ids:
                 return 0.0
             try:
                 data = truth.predict(self)
                 return 0.0 if data is None else other.chi_square_increase(self, data)
             except (ReceptanceError, ValueError):
                 return 0.0
-        increase = QUANTITY_SHOWN * bool(self.presence & (ids[0] ^ ids[1]))
+        increase = 0.0
         parameters = {**truth.explanation.parameters, **other.explanation.parameters}
         for name in {**truth.sizes, **other.sizes}:
-            accuracy = self.accuracy.get(parameters[name].key)
-            if accuracy is None:
-                continue
-            null = parameters[name].null
-            true, _ = truth.sizes.get(name, (null, 0.0))
-            expected, error = other.sizes.get(name, (null, 0.0))
-            increase += (true - expected) ** 2 / (accuracy**2 + error**2)
+            accuracy = self.accuracy.get(parameters[name].key if name in parameters else name)
+            if accuracy is not None:
+                (true, _), (expected, error) = (each.sizes.get(name, (0.0, 0.0)) for each in (truth, other))
+                increase += (true - expected) ** 2 / (accuracy**2 + error**2)
         return increase
 
     @property
@@ -216,8 +213,12 @@ MENU = (
     MenuItem(
         "measure a free mass that is known",
         3.0,
-        {"calibration_gain.log_gain": 3e-3, "time_delay.delay": 2e-7},
-        presence=frozenset({"wrong_quantity", "reversed_polarity"}),
+        {
+            "calibration_gain.log_gain": 3e-3,
+            "time_delay.delay": 2e-7,
+            "wrong_quantity": 0.03,
+            "reversed_polarity": 0.03,
+        },
     ),
     MenuItem(
         "hang it softer and repeat one measurement",
@@ -245,27 +246,6 @@ def menu_of(model: Model) -> list[MenuItem]:
     return sorted(possible, key=lambda item: item.cost)
 
 
-@dataclass(frozen=True)
-class _Valued:
-    """A measurement, or two, with its value for the decision between the remaining explanations."""
-
-    action: str
-    """Instruction to the user."""
-    cost: float
-    """Effort."""
-    increases: Mapping[tuple[int, int], float]
-    """Increase of chi-square of the second explanation if the first one is true."""
-    separates: tuple[str, ...]
-    """Ids of the causes that it confirms or refutes in any case."""
-    resolves: float
-    """Share of the explanations that are found if they are true."""
-
-    @property
-    def worth(self) -> float:
-        """Resolved share for its cost; if none is resolved, the smallest increase of chi-square."""
-        return worth(self.resolves + 1e-3 * math.tanh(min(self.increases.values()) / MARGIN), self.cost)
-
-
 def advise(selection: Selection, judgement: Judgement) -> ProposedMeasurement | None:
     """Return the choice, or two of them, that resolve most for their cost; None if no choice is left.
 
@@ -273,25 +253,25 @@ def advise(selection: Selection, judgement: Judgement) -> ProposedMeasurement | 
     evidence of the other is then expected to be lower by more than the margin, even two standard deviations below the
     expectation.
     """
+    model = selection.base.model
+    sources, another = model.separable
     if judgement.answer in ("adequate", "named", "partly explained"):
         return None
     if judgement.answer == "undecided":
         return ProposedMeasurement(
-            action=f"measure further modes, or {selection.base.model.separable[1]}",
+            action=f"measure further modes, or {another}",
             reason="the data have too few degrees of freedom to test the model",
         )
-    if len(selection.base.model.configurations) == 1:
-        sources, another = selection.base.model.separable
-        return ProposedMeasurement(
-            action=f"measure {another}", reason=f"one configuration does not distinguish {sources}"
-        )
+    if len(model.configurations) == 1:
+        reason = f"one configuration does not distinguish {sources}"
+        return ProposedMeasurement(action=f"measure {another}", reason=reason)
     if selection.base.one_mode:
         return ProposedMeasurement(
             action="measure up to a second mode", reason="one mode cannot separate the joint from the parts"
         )
     if judgement.answer == "unexplained":
         action = "measure blank and holder alone, free-free"
-        if selection.base.model.in_spindle:
+        if model.in_spindle:
             action = "hit the gauge blank again in the warm spindle, and measure the blank of the tool alone, free-free"
         return ProposedMeasurement(
             action=action, reason="no known cause explains the data: this shows which part differs from its model"
@@ -300,74 +280,74 @@ def advise(selection: Selection, judgement: Judgement) -> ProposedMeasurement | 
     if len(remaining) == 1:
         remaining.append(Explanation((), selection.base, 0.0, 0.0))
     ids = judgement.ambiguous_between or tuple(variant.cause.id for variant in judgement.reported[0].variants)
-    best = _best(remaining, selection.base.model, ids)
-    if best is None or best.worth <= 0.0:
-        return None
-    return ProposedMeasurement(
-        action=best.action,
-        reason=_reason(best, len(remaining)),
-        separates=best.separates,
-        resolves=best.resolves,
-        cost=best.cost,
-    )
+    return _best(remaining, model, ids)
 
 
-def _best(remaining: Sequence[Explanation], base: Model, ids: Sequence[str]) -> _Valued | None:
-    """Return the measurement of the highest value, or two of them where one alone leaves a question open."""
-    hypotheses = [Hypothesis(one, base) for one in remaining]
+def _best(remaining: Sequence[Explanation], base: Model, ids: Sequence[str]) -> ProposedMeasurement | None:
+    """Return the measurement of the highest worth, or two of them where one alone leaves a question open."""
+    hypotheses = [Hypothesis(explanation, base) for explanation in remaining]
     pairs = list(itertools.permutations(range(len(remaining)), 2))
-    best: _Valued | None = None
-    singles: list[_Valued] = []
-    for choice in menu_of(base):
+    best: tuple[float, ProposedMeasurement] | None = None
+    simulated: list[tuple[MenuItem, dict[tuple[int, int], float]]] = []
+    for item in menu_of(base):
         # A choice that resolves everything is not exceeded by more expensive ones.
-        if best is not None and best.worth >= worth(1.0, choice.cost):
+        if best is not None and best[0] >= worth(1.0, item.cost):
             break
-        increases = {(a, b): choice.discriminate(hypotheses[a], hypotheses[b]) for a, b in pairs}
-        singles.append(_value(choice.action, choice.cost, increases, remaining, ids))
-        best = max(singles, key=lambda one: one.worth)
-    if best is None or best.resolves == 1.0:
-        return best
-    useful = [single for single in singles if max(single.increases.values()) > MARGIN]
-    for one, other in itertools.combinations(useful, 2):
-        # The increases of chi-square of two measurements add up at least.
-        increases = {pair: one.increases[pair] + other.increases[pair] for pair in pairs}
-        both = _value(f"{one.action}, and {other.action}", one.cost + other.cost, increases, remaining, ids)
-        best = max(best, both, key=lambda found: found.worth)
-    return best
+        increases = {(a, b): item.discriminate(hypotheses[a], hypotheses[b]) for a, b in pairs}
+        simulated.append((item, increases))
+        best = _better(best, item.action, item.cost, increases, remaining, ids)
+    if best is not None and best[1].resolves < 1.0:
+        useful = [(item, increases) for item, increases in simulated if max(increases.values()) > MARGIN]
+        for (item, increases), (other, further) in itertools.combinations(useful, 2):
+            # The increases of chi-square of two measurements add up at least.
+            both = {pair: increases[pair] + further[pair] for pair in pairs}
+            action = f"{item.action}, and {other.action}"
+            best = _better(best, action, item.cost + other.cost, both, remaining, ids)
+    return None if best is None or best[0] <= 0.0 else best[1]
 
 
-def _value(
+def _better(
+    best: tuple[float, ProposedMeasurement] | None,
     action: str,
     cost: float,
     increases: Mapping[tuple[int, int], float],
     remaining: Sequence[Explanation],
     ids: Sequence[str],
-) -> _Valued:
+) -> tuple[float, ProposedMeasurement]:
+    """Return the best proposal so far with its worth, or a further one that is worth more.
+
+    The worth is that of the share of the explanations that it resolves; if it resolves none, of the smallest increase
+    of chi-square. `increases` are those of the second explanation if the first one is true, and `ids` the causes that
+    are to be confirmed or refuted.
+    """
     separated = {(a, b): _separates(x, remaining[a], remaining[b]) for (a, b), x in increases.items()}
-    numbers = range(len(remaining))
-    resolved = [all(separated[a, b] for b in numbers if b != a) for a in numbers]
+    count, numbers = len(remaining), range(len(remaining))
+    resolved = sum(all(separated[a, b] for b in numbers if b != a) for a in numbers)
+    value = worth(resolved / count + 1e-3 * math.tanh(min(increases.values()) / MARGIN), cost)
+    if best is not None and value <= best[0]:
+        return best
     separates = []
     for name in ids:
         having = [a for a in numbers if name in remaining[a].ids]
         lacking = [a for a in numbers if name not in remaining[a].ids]
         if lacking and all(separated[a, b] and separated[b, a] for a in having for b in lacking):
             separates.append(name)
-    return _Valued(action, cost, increases, tuple(separates), sum(resolved) / len(remaining))
+    if resolved == count:
+        result = "it identifies each of the remaining explanations"
+    elif resolved:
+        causes = f" ({', '.join(separates)})" if separates else ""
+        result = f"it identifies {resolved} of the {count} remaining explanations{causes}"
+    else:
+        result = "no measurement of the menu separates the remaining explanations; this one changes their evidence most"
+    return value, ProposedMeasurement(
+        action=action,
+        reason=f"in the simulation {result}",
+        separates=tuple(separates),
+        resolves=resolved / count,
+        cost=cost,
+    )
 
 
 def _separates(increase: float, truth: Explanation, other: Explanation) -> bool:
     # The standard deviation of the increase is twice its square root.
     return increase - 2.0 * math.sqrt(increase) > MARGIN + max(other.evidence - truth.evidence, 0.0)
-
-
-def _reason(best: _Valued, count: int) -> str:
-    if best.resolves == 0.0:
-        return (
-            "in the simulation no measurement of the menu separates the remaining explanations; this one changes their "
-            "evidence most"
-        )
-    if best.resolves == 1.0:
-        return "in the simulation it identifies each of the remaining explanations"
-    number = round(best.resolves * count)
-    causes = f" ({', '.join(best.separates)})" if best.separates else ""
-    return f"in the simulation it identifies {number} of the {count} remaining explanations{causes}"

@@ -10,7 +10,7 @@ from receptance import _checks
 from receptance.diagnosis.advice import ProposedMeasurement, advise
 from receptance.diagnosis.catalogue import resolve_causes
 from receptance.diagnosis.causes import Cause, extend
-from receptance.diagnosis.contradictions import contradictions
+from receptance.diagnosis.data import contradictions, select_lines, with_table_noise
 from receptance.diagnosis.discrepancy_search import select_with_discrepancy
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import DiscrepancyFit, fit_discrepancy, refit, sufficient
@@ -26,11 +26,9 @@ from receptance.diagnosis.held_out import (
     improvement_on,
 )
 from receptance.diagnosis.judgement import Judgement, conclude
-from receptance.diagnosis.line_selection import select_lines
 from receptance.diagnosis.model import Model, UndecidableError
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.search import select
-from receptance.diagnosis.table_noise import with_table_noise
 from receptance.diagnosis.text import Reason
 from receptance.diagnosis.thresholds import BEYOND_NOISE, EXPLORING_LINES
 from receptance.diagnosis.truncation import record_ends
@@ -144,7 +142,6 @@ def diagnose(
     # 2. Its improvement on held-out data.
     improvement, interrupted = Improvement(), outcome.interrupted
     if not interrupted:
-        best = outcome.judgement.reported[0] if outcome.judgement.reported else None
         if isinstance(held_out, Model):
             held_out = replace(
                 outcome.selection.base.model,
@@ -154,11 +151,11 @@ def diagnose(
                 tolerances=held_out.tolerances,
             )
             try:
-                improvement = improvement_on(outcome.selection, best, held_out, metrics)
+                improvement = improvement_on(outcome.selection, held_out, metrics)
             except KeyboardInterrupt:
                 improvement = Improvement(complete=False)
         elif folds:
-            improvement = cross_validate(outcome.selection, metrics=metrics, progress=report)
+            improvement = cross_validate(outcome.selection, metrics, report)
         if not improvement.complete:
             interrupted = Reason("interrupted", report.position)
     # 3. One verdict; a cause with a discrepancy that held-out data contradict is not reported.

@@ -12,7 +12,7 @@ from receptance.diagnosis.fitting import DiscrepancyFit, Fit
 from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.screening import Direction
 from receptance.diagnosis.text import Size
-from receptance.diagnosis.thresholds import BEHIND, BEHIND_SHARE, SINGLES_HELD_OUT
+from receptance.diagnosis.thresholds import BEHIND, BEHIND_SHARE, LISTED
 from receptance.fit.adequacy import Adequacy, misfit_limit
 from receptance.fit.discrepancy import Discrepancy
 
@@ -251,7 +251,7 @@ class Selection:
     @property
     def held_out_singles(self) -> list[Explanation]:
         """Explanations by one cause whose own improvement on held-out data is measured."""
-        return [single for single in self.singles if single.evidence > 0.0][:SINGLES_HELD_OUT]
+        return [single for single in self.singles if single.evidence > 0.0][:LISTED]
 
     @property
     def best(self) -> Explanation | None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -30,7 +29,13 @@ from receptance.report.figure import (
     title_left,
 )
 
+Pair: TypeAlias = tuple[Curve, Curve | None]
+"""A curve before, and after the causes are part of the model; None without a cause."""
+
 _CANDIDATES = 14
+"""Causes in the figure of the evidence."""
+_LEADING = 8
+"""Causes in a panel, which has room for so many names of two lines."""
 _NAME = 26
 """Characters in a line of the name of a cause."""
 _DECADES = 8.0
@@ -51,32 +56,37 @@ def draw_diagnosis(verdict: Verdict, ax: Axes | None = None) -> Figure:
 
     The measurements are natural frequencies and the five receptances with the largest residuals before.
     """
-    before = curves(verdict.base_fit)
-    after = [] if verdict.explanation is None else curves(verdict.explanation.fit)
-    receptances = [i for i, curve in enumerate(before) if np.iscomplexobj(curve.measured)]
-    frequencies = [i for i in range(len(before)) if i not in receptances]
-    misfits = {i: float(np.mean(np.square(before[i].residual))) for i in receptances}
-    receptances = sorted(sorted(receptances, key=lambda i: -misfits[i])[:_RECEPTANCES])
-    candidates = verdict.candidates[:_CANDIDATES]
-    count = len(receptances) + bool(frequencies) + bool(candidates)
+    receptances, frequencies = fitted_curves(verdict, _RECEPTANCES)
+    count = len(receptances) + bool(frequencies) + bool(verdict.candidates)
     columns = min(count, _COLUMNS)
-    rows = -(-count // columns)
-    figure = surface(ax, 0.8 + 4.6 * columns, 3.6 * rows + 0.7)
+    figure = surface(ax, 0.8 + 4.6 * columns, 3.6 * -(-count // columns) + 0.7)
     title_left(figure, f"{verdict.title}: {verdict.verdict}")
     axes = iter(panels(figure, count, columns))
-    for i in receptances:
+    for number, (before, after) in enumerate(receptances):
         panel = next(axes)
-        _draw_receptance(panel, before[i], after[i] if after else None)
+        _draw_receptance(panel, before, after)
         # One legend below all panels: in a panel it would lie on a curve.
-        if i == receptances[0]:
+        if number == 0:
             add_legend(figure, *panel.get_legend_handles_labels(), ncols=3)
         if legend := panel.get_legend():
             legend.remove()
     if frequencies:
-        _draw_frequencies(next(axes), [before[i] for i in frequencies], [after[i] for i in frequencies if after])
-    if candidates:
-        _draw_evidence(next(axes), verdict, "Odds of each cause to the best")
+        _draw_frequencies(next(axes), frequencies)
+    if verdict.candidates:
+        _draw_evidence(next(axes), verdict, _LEADING, "Odds of the leading causes to the best")
     return finished(figure)
+
+
+def fitted_curves(verdict: Verdict, most: int) -> tuple[list[Pair], list[Pair]]:
+    """Return the receptances with the largest residuals, and all natural frequencies, in their order."""
+    before = curves(verdict.base_fit)
+    after = [None] * len(before) if verdict.explanation is None else curves(verdict.explanation.fit)
+    receptances: list[Pair] = []
+    frequencies: list[Pair] = []
+    for pair in zip(before, after, strict=True):
+        (receptances if np.iscomplexobj(pair[0].measured) else frequencies).append(pair)
+    largest = sorted(receptances, key=lambda pair: -float(np.mean(np.square(pair[0].residual))))[:most]
+    return [pair for pair in receptances if pair in largest], frequencies
 
 
 def curve_figure(before: Curve, after: Curve | None) -> Figure:
@@ -95,11 +105,9 @@ def prediction_figure(before: Curve, after: Curve | None) -> Figure:
     axes = figure.subplots(3, 2, sharex="col", height_ratios=(3, 2, 2), width_ratios=(3, 2))
     lines, peak = before.frequency_hz, float(before.frequency_hz[np.argmax(np.abs(before.measured))])
     for column, chosen in zip(axes.T, (lines > 0.0, np.abs(lines / peak - 1.0) < _AROUND), strict=True):
-        drawn_before, drawn_after = (None if curve is None else _on_lines(curve, chosen) for curve in (before, after))
-        assert drawn_before is not None
-        _draw_receptance(column[0], drawn_before, drawn_after)
-        _draw_phase(column[1], drawn_before, drawn_after)
-        _draw_ratio(column[2], drawn_before, drawn_after)
+        pair = before.on(chosen), None if after is None else after.on(chosen)
+        for panel, draw in zip(column, (_draw_receptance, _draw_phase, _draw_ratio), strict=True):
+            draw(panel, *pair)
         for upper in column[:2]:
             upper.set_xlabel("")
     set_up(axes[0, 1], f"around {peak:.0f} Hz")
@@ -110,22 +118,17 @@ def prediction_figure(before: Curve, after: Curve | None) -> Figure:
     return finished(figure)
 
 
-def _on_lines(curve: Curve, chosen: NDArray[np.bool_]) -> Curve:
-    arrays = {name: getattr(curve, name)[..., chosen] for name in ("frequency_hz", "measured", "modelled", "residual")}
-    return replace(curve, **arrays)
-
-
-def frequencies_figure(before: Sequence[Curve], after: Sequence[Curve]) -> Figure:
+def frequencies_figure(pairs: Sequence[Pair]) -> Figure:
     """Return the errors of natural frequencies, before and after."""
     figure = new_figure(_SIZE[0], 3.0)
-    _draw_frequencies(figure.subplots(), before, after)
+    _draw_frequencies(figure.subplots(), pairs)
     return finished(figure)
 
 
 def evidence_figure(verdict: Verdict) -> Figure:
     """Return how far each cause is behind the best."""
     figure = new_figure(_SIZE[0], 1.0 + 0.28 * min(len(verdict.candidates) + 1, _CANDIDATES))
-    _draw_evidence(figure.subplots(), verdict)
+    _draw_evidence(figure.subplots(), verdict, _CANDIDATES)
     return finished(figure)
 
 
@@ -171,33 +174,35 @@ def _with_gaps(lines: NDArray[np.float64], values: NDArray[np.float64]) -> tuple
     return np.insert(lines, gaps, np.nan), np.insert(values, gaps, np.nan)
 
 
-def _draw_frequencies(axes: Axes, before: Sequence[Curve], after: Sequence[Curve]) -> None:
+def _draw_frequencies(axes: Axes, pairs: Sequence[Pair]) -> None:
     set_up(axes, "Natural frequencies", "measured (Hz)", "modelled less measured (%)")
-    for errors, colour, marker, label in (
+    before, after = [pair[0] for pair in pairs], [curve for _, curve in pairs if curve is not None]
+    for shown, colour, marker, label in (
         (before, COLOURS[1], "o", "before" if after else "model"),
         (after, COLOURS[2], "s", "after"),
     ):
-        if errors:
-            measured = np.concatenate([curve.measured.real for curve in errors])
-            modelled = np.concatenate([curve.modelled.real for curve in errors])
+        if shown:
+            measured, modelled = (
+                np.concatenate([values.real for values in each])
+                for each in ([curve.measured for curve in shown], [curve.modelled for curve in shown])
+            )
             axes.plot(measured, 100.0 * (modelled / measured - 1.0), marker, color=colour, ms=4.0, label=label)
     axes.axhline(0.0, color=PALE, lw=0.9)
     add_legend(axes)
 
 
-def _draw_evidence(axes: Axes, verdict: Verdict, title: str = "") -> None:
+def _draw_evidence(axes: Axes, verdict: Verdict, most: int, title: str = "") -> None:
     """Draw the odds of each cause to the best in powers of ten; a dashed line marks the margin of evidence."""
     reported, best = {cause.id for cause in verdict.causes}, verdict.best_evidence
-    bars = [(cause.title, best - cause.evidence, cause.id in reported) for cause in verdict.candidates]
-    bars = sorted([*bars, ("the model as it is", best, False)], key=lambda bar: bar[1])[:_CANDIDATES]
+    bars = [(best - cause.evidence, cause.title, cause.id in reported) for cause in verdict.candidates]
+    bars = sorted([(best, "the model as it is", False), *bars], key=lambda bar: bar[0])[:most]
     set_up(axes, title, "n, where the odds are 1 : 10^n", "", grid="x")
-    decades = [min(0.5 * behind / np.log(10.0), _DECADES) for _, behind, _ in bars]
-    places = range(len(bars))
-    axes.hlines(places, 0.0, decades, color=[COLOURS[2] if is_cause else PALE for *_, is_cause in bars], lw=2.0)
-    for place, decade, (*_, is_cause) in zip(places, decades, bars, strict=True):
-        marker = ">" if decade == _DECADES else "o"
-        axes.plot([decade], [place], marker, color=COLOURS[2] if is_cause else PALE, ms=6.0, clip_on=False)
+    for place, (behind, _, is_cause) in enumerate(bars):
+        decades, colour = min(0.5 * behind / np.log(10.0), _DECADES), COLOURS[2] if is_cause else PALE
+        axes.hlines(place, 0.0, decades, color=colour, lw=2.0)
+        marker = ">" if decades == _DECADES else "o"
+        axes.plot([decades], [place], marker, color=colour, ms=6.0, clip_on=False)
     axes.axvline(0.5 * MARGIN / np.log(10.0), color=COLOURS[1], lw=1.0, ls="--")
-    axes.set_yticks(places, [textwrap.fill(name, _NAME) for name, *_ in bars], fontsize=9)
+    axes.set_yticks(range(len(bars)), [textwrap.fill(name, _NAME) for _, name, _ in bars], fontsize=9)
     axes.set_ylim(len(bars) - 0.4, -0.6)
     axes.set_xlim(0.0, _DECADES)

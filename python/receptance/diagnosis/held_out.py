@@ -6,26 +6,27 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receptance._peaks import nearest_peak
-from receptance.diagnosis.by_mode import Bias, ModeResidual, bias_of, curve_of, modes_of, slenderness_of
+from receptance.diagnosis.by_mode import Bias, Curve, ModeResidual, bias_of, curve_of, modes_of, slenderness_of
 from receptance.diagnosis.causes import parameters_of, transfer
 from receptance.diagnosis.discrepancy_search import use_own_discrepancies
 from receptance.diagnosis.explanation import Explanation, Selection, behind_limit, best_of_each
 from receptance.diagnosis.fitting import Fit, refit
 from receptance.diagnosis.judgement import Answer, Judgement, conclude, is_of_some, only_improved
 from receptance.diagnosis.model import IndescribableError, Model
+from receptance.diagnosis.prediction import predicted_data
 from receptance.diagnosis.progress import Progress, in_parallel
 from receptance.diagnosis.text import Reason
-from receptance.diagnosis.thresholds import EVALUATIONS_OF_PREDICTION, FOLDS
+from receptance.diagnosis.thresholds import EVALUATIONS, FOLDS
 from receptance.errors import ReceptanceError
 from receptance.fit.covariance import confidence_multiplier
 from receptance.fit.observation import Observation
-from receptance.fit.predictor import PredictedData, Predictor
 from receptance.fit.problem import CONVERGED, InfeasibleError
 from receptance.model.assembly import Assembly
 
@@ -72,6 +73,8 @@ class Improvement:
     """Held-out modes before, predicted less measured."""
     modes_after: tuple[ModeResidual, ...] = ()
     """The same of the extended model."""
+    curves: tuple[tuple[Curve, Curve | None], ...] = ()
+    """Held-out receptances, predicted by the base and by the extended model; None without a cause."""
     bias: Bias | None = None
     """Held-out natural frequencies in which the errors before have a common sign."""
     complete: bool = True
@@ -94,21 +97,6 @@ Metric = Callable[[HeldOut], float]
 """An error of a prediction: smaller is better; NaN where it does not apply to an observation."""
 
 
-def predictor_of(fit: Fit) -> Predictor:
-    """Return the predictor of a fit, from its end point and the normal matrix there."""
-    values = np.array(list(fit.values.values()))
-    return Predictor(fit.task.parameters, values, root=fit.curvature_root, threads=fit.model.threads)
-
-
-def predicted_data(fit: Fit, model: Model) -> PredictedData:
-    """Return the data of the observations of a model, with its tolerances as their errors, by a fit.
-
-    The observations have errors of their own, those of a new clamping for example, which only they determine. The
-    residuals of a prediction are those with these errors fitted; its score is that of a fit of all variables.
-    """
-    return predictor_of(fit).of(model.observations, [model.tolerances] * len(model.observations))
-
-
 Units = Mapping[str, "NDArray[np.float64]"]
 """Metrics of a prediction in the units that err independently, `(u, 2)` each: sums and numbers of values.
 
@@ -117,63 +105,61 @@ them a unit; scores, of which a fold is one unit; and user-defined metrics, of w
 """
 UNIT = {SPECTRAL: "modes", FREQUENCIES: "modes", SCORE: "folds"}
 """Names of these units; those of user-defined metrics are records."""
+_NONE = np.empty((0, 2))
+"""Units of a metric that a prediction does not have."""
 
 
 @dataclass(frozen=True)
-class _Fold:
-    """Metrics of one held-out configuration, before and after."""
+class Prediction:
+    """Held-out observations as a fit predicts them; nothing where it cannot."""
+
+    units: Units = field(default_factory=dict)
+    modes: tuple[ModeResidual, ...] = ()
+    curves: tuple[Curve, ...] = ()
+    """The receptances."""
+
+    @property
+    def metrics(self) -> dict[str, float]:
+        """Each metric of these observations."""
+        return {name: _value(name, units) for name, units in self.units.items()}
+
+
+@dataclass(frozen=True)
+class Fold:
+    """Predictions of held-out configurations, before and after."""
 
     configuration: str
     verdict: str
-    causes: tuple[str, ...]
-    before: Units
-    after: Units
+    causes: tuple[str, ...] = ()
+    before: Prediction = Prediction()
+    after: Prediction = Prediction()
     singles: Units = field(default_factory=dict)
-    modes: tuple[ModeResidual, ...] = ()
-    modes_after: tuple[ModeResidual, ...] = ()
+    """First metric with one cause alone, by id."""
 
 
-def cross_validate(
-    selection: Selection,
-    *,
-    metrics: Mapping[str, Metric] | None = None,
-    progress: Progress | None = None,
-) -> Improvement:
+def cross_validate(selection: Selection, metrics: Mapping[str, Metric] | None, progress: Progress) -> Improvement:
     """Return the improvement on configurations that are left out in turn, with the choice of the causes repeated.
 
     Where there are more configurations than folds, several are left out together. A KeyboardInterrupt ends it with the
     completed folds.
-
-    Parameters
-    ----------
-    selection : Selection
-        The fits to all configurations.
-    metrics : mapping of str to callable, optional
-        User-defined metrics.
-    progress : Progress, optional
-        Reports each fold.
     """
     model = selection.base.model
-    names, count = model.configurations, count_folds(model)
-    report = progress or Progress()
-    report.plan("held out", count)
-    folds: list[_Fold] = []
-    complete = True
-    for group in (names[i::count] for i in range(count)):
-        name = ", ".join(group)
-        try:
-            report("held out", f"held out: {name}")
-            fold = select_without(selection, group)
-        except (ValueError, ReceptanceError) as error:
-            folds.append(_Fold(name, f"not fitted: {error}", (), {}, {}))
-            continue
-        except KeyboardInterrupt:
-            complete = False
-            break
-        judgement = conclude(fold)
-        best = judgement.reported[0] if judgement.reported else None
-        held_out = replace(fold.base.model, observations=model.of(group), tolerances=model.tolerances)
-        folds.append(_fold(name, judgement.answer, fold, best, held_out, metrics))
+    folds: list[Fold] = []
+    complete, count = True, count_folds(model)
+    try:
+        for group in (model.configurations[i::count] for i in range(count)):
+            name = ", ".join(group)
+            progress("held out", f"held out: {name}")
+            try:
+                others = select_without(selection, group)
+                judgement = conclude(others)
+            except (ValueError, ReceptanceError) as error:
+                folds.append(Fold(name, f"not fitted: {error}"))
+                continue
+            held_out = replace(others.base.model, observations=model.of(group), tolerances=model.tolerances)
+            folds.append(_fold(name, others, judgement, held_out, metrics))
+    except KeyboardInterrupt:
+        complete = False
     return replace(_combine(folds, model, metrics), complete=complete)
 
 
@@ -187,7 +173,7 @@ def select_without(selection: Selection, configurations: Sequence[str]) -> Selec
     the improvement with a complete selection for each fold.
     """
     base = refit(selection.base.model.without(configurations), selection.base.values)
-    found = replace(
+    others = replace(
         selection,
         base=base,
         # Errors of modes are counted in all configurations.
@@ -197,35 +183,35 @@ def select_without(selection: Selection, configurations: Sequence[str]) -> Selec
         alternatives=[],
     )
     every = best_of_each([*selection.explanations, *selection.tried])
-    remaining = {one: _on_others(one.fit, configurations) - one.expected for one in every}
+    remaining = {each: _on_others(each.fit, configurations) - each.expected for each in every}
     limit = behind_limit(_on_others(selection.base, configurations), remaining.values())
     singles = selection.held_out_singles
-    chosen = [one for one in every if remaining[one] <= limit or one in singles]
+    chosen = [each for each in every if remaining[each] <= limit or each in singles]
     # One that is far behind on the other configurations does not compete in any of them.
-    alternatives = [one for one in selection.alternatives if _on_others(one.fit, configurations) <= limit]
-    both = [*chosen, *alternatives]
-    fits = list(in_parallel([partial(_refit, found, one, configurations) for one in both], selection.workers))
-    found.add(*(fit for fit in fits[: len(chosen)] if fit is not None))
-    found.alternatives += [fit for fit in fits[len(chosen) :] if fit is not None]
-    found.alternatives.sort(key=lambda one: -one.evidence)
+    alternatives = [each for each in selection.alternatives if _on_others(each.fit, configurations) <= limit]
+    tasks = [partial(_refit, others, each, configurations) for each in (*chosen, *alternatives)]
+    fits = list(in_parallel(tasks, selection.workers))
+    others.add(*(fit for fit in fits[: len(chosen)] if fit is not None))
+    competing = [fit for fit in fits[len(chosen) :] if fit is not None]
+    others.alternatives = sorted(competing, key=lambda alternative: -alternative.evidence)
     if selection.beside is not None:
-        use_own_discrepancies(found, selection.beside, configurations)
-    return found
+        use_own_discrepancies(others, selection.beside, configurations)
+    return others
 
 
 def _on_others(fit: Fit, configurations: Sequence[str]) -> float:
     """Return chi-square without the residuals of some configurations."""
-    own = fit.by_configuration
-    return fit.chi_square - sum(own.get(name, 0.0) for name in configurations)
+    parts = fit.by_configuration
+    return fit.chi_square - sum(parts.get(name, 0.0) for name in configurations)
 
 
-def _refit(selection: Selection, one: Explanation, configurations: Sequence[str]) -> Explanation | None:
+def _refit(selection: Selection, explanation: Explanation, configurations: Sequence[str]) -> Explanation | None:
     """Return an explanation fitted without some configurations; None where it acts in these alone."""
-    model = one.fit.model.without(configurations)
-    if not parameters_of(model.unknowns).keys() >= one.parameters.keys():
+    model = explanation.fit.model.without(configurations)
+    if not parameters_of(model.unknowns).keys() >= explanation.parameters.keys():
         return None
     try:
-        return selection.explain(one.variants, refit(model, one.fit.values))
+        return selection.explain(explanation.variants, refit(model, explanation.fit.values))
     except ReceptanceError:
         return None
 
@@ -236,91 +222,77 @@ def count_folds(model: Model) -> int:
     return min(count, FOLDS) if count > 1 else 0
 
 
-def improvement_on(
-    selection: Selection,
-    best: Explanation | None,
-    held_out: Model,
-    metrics: Mapping[str, Metric] | None = None,
-) -> Improvement:
-    """Return the improvement by an explanation on the observations of a base model, which were not fitted."""
-    answer = conclude(selection).answer
+def improvement_on(selection: Selection, held_out: Model, metrics: Mapping[str, Metric] | None) -> Improvement:
+    """Return the improvement on the observations of a base model, which were not fitted."""
+    judgement = conclude(selection)
     each = {name: replace(held_out, observations=held_out.of([name])) for name in held_out.configurations}
-    folds = [_fold(name, answer, selection, best, own, metrics) for name, own in each.items()]
+    folds = [_fold(name, selection, judgement, records, metrics) for name, records in each.items()]
     return _combine(folds, held_out, metrics)
 
 
 def _fold(
-    name: str,
-    answer: str,
-    selection: Selection,
-    best: Explanation | None,
-    held_out: Model,
-    metrics: Mapping[str, Metric] | None,
-) -> _Fold:
-    before, modes = _measure(selection.base, held_out, metrics)
-    after, modes_after = before, modes
-    if best is not None:
-        after, modes_after = _measure_with(best, held_out, metrics)
+    name: str, selection: Selection, judgement: Judgement, held_out: Model, metrics: Mapping[str, Metric] | None
+) -> Fold:
+    before = predict(selection.base, held_out, metrics)
+    best = next(iter(judgement.reported), None)
     first = _names(held_out)[0]
-    singles = {}
-    for held_out_single in selection.held_out_singles:
-        found, _ = _measure_with(held_out_single, held_out, scored=False)
-        singles[held_out_single.variants[0].cause.id] = found.get(first, np.empty((0, 2)))
-    causes = () if best is None else tuple(sorted(best.ids))
-    return _Fold(name, answer, causes, before, after, singles, modes, modes_after)
+    return Fold(
+        name,
+        judgement.answer,
+        () if best is None else tuple(sorted(best.ids)),
+        before,
+        before if best is None else _predict_with(best, held_out, metrics),
+        {
+            single.variants[0].cause.id: _predict_with(single, held_out, scored=False).units.get(first, _NONE)
+            for single in selection.held_out_singles
+        },
+    )
 
 
-def _measure_with(
-    one: Explanation, base: Model, metrics: Mapping[str, Metric] | None = None, *, scored: bool = True
-) -> tuple[Units, tuple[ModeResidual, ...]]:
-    """Return the metrics with an explanation; none where its causes cannot be described for the held-out data."""
+def _predict_with(
+    explanation: Explanation, base: Model, metrics: Mapping[str, Metric] | None = None, *, scored: bool = True
+) -> Prediction:
+    """Return the prediction with an explanation; none where its causes cannot be described for the held-out data."""
     try:
-        return _measure(one.fit, transfer(base, one.variants), metrics, scored=scored)
+        return predict(explanation.fit, transfer(base, explanation.variants), metrics, scored=scored)
     except IndescribableError:
-        return {}, ()
+        return Prediction()
 
 
-def metrics_of(
-    fit: Fit, model: Model, metrics: Mapping[str, Metric] | None = None, *, scored: bool = True
-) -> tuple[dict[str, float], tuple[ModeResidual, ...]]:
-    """Return each metric of a prediction of the observations of a model with the causes of a fit, and their modes.
+def predict(fit: Fit, model: Model, metrics: Mapping[str, Metric] | None = None, *, scored: bool = True) -> Prediction:
+    """Return the prediction of the observations of a model with the causes of a fit.
 
     Errors that only these observations have are fitted to them with their tolerances, before and after alike.
     """
-    units, modes = _measure(fit, model, metrics, scored=scored)
-    return {name: _value(name, own) for name, own in units.items()}, modes
-
-
-def _measure(
-    fit: Fit, model: Model, metrics: Mapping[str, Metric] | None = None, *, scored: bool = True
-) -> tuple[Units, tuple[ModeResidual, ...]]:
-    """Return the units of each metric, and the modes; see `metrics_of`."""
     data = predicted_data(fit, model)
     try:
-        end = data.fit(EVALUATIONS_OF_PREDICTION, CONVERGED)
+        end = data.fit(EVALUATIONS, CONVERGED)
         if not np.isfinite(end.cost):
-            return {}, ()
+            return Prediction()
         residuals, assemblies, score = data.residuals(end), data.assemblies(end.x), math.nan
-        if scored and all(one.weighted for one in model.observations):
-            score = data.log_score(data.fit(EVALUATIONS_OF_PREDICTION, CONVERGED, all_variables=True))
+        if scored and all(observation.weighted for observation in model.observations):
+            score = data.log_score(data.fit(EVALUATIONS, CONVERGED, all_variables=True))
     except InfeasibleError:
-        return {}, ()
+        return Prediction()
     modes: list[ModeResidual] = []
+    curves: list[Curve] = []
     rows: dict[str, list[tuple[float, int]]] = {name: [] for name in (FREQUENCIES, SPECTRAL, SCORE, *(metrics or {}))}
-    for one, residual, assembly in zip(model.observations, residuals, assemblies, strict=True):
-        curve = curve_of(one, residual)
-        own = modes_of(one, curve)
-        modes += own
-        rows[FREQUENCIES] += [_row(mode.frequency_percent**2) for mode in own]
+    for observation, residual, assembly in zip(model.observations, residuals, assemblies, strict=True):
+        curve = curve_of(observation, residual)
+        of_curve = modes_of(observation, curve)
+        modes += of_curve
+        rows[FREQUENCIES] += [_row(mode.frequency_percent**2) for mode in of_curve]
         receptance = None
-        if one.is_receptance:
+        if observation.is_receptance:
+            curves.append(curve)
             receptance = np.asarray(curve.modelled, dtype=np.complex128)
-            squares = np.square(np.abs(np.log(one.receptance / receptance)))
-            rows[SPECTRAL] += _by_mode(curve.frequency_hz, squares, [mode.measured_hz for mode in own])
+            squares = np.square(np.abs(np.log(observation.receptance / receptance)))
+            rows[SPECTRAL] += _by_mode(curve.frequency_hz, squares, [mode.measured_hz for mode in of_curve])
         for name, metric in (metrics or {}).items():
-            rows[name].append(_row(float(metric(HeldOut(one, assembly, receptance)))))
+            rows[name].append(_row(float(metric(HeldOut(observation, assembly, receptance)))))
     rows[SCORE].append(_row(score))
-    return {name: np.array(row, dtype=np.float64).reshape(-1, 2) for name, row in rows.items()}, tuple(modes)
+    units = {name: np.array(row, dtype=np.float64).reshape(-1, 2) for name, row in rows.items()}
+    return Prediction(units, tuple(modes), tuple(curves))
 
 
 def _row(value: float) -> tuple[float, int]:
@@ -364,34 +336,41 @@ def _names(model: Model) -> list[str]:
     return [SPECTRAL, FREQUENCIES, SCORE] if model.receptances else [FREQUENCIES, SCORE]
 
 
-def _combine(folds: Sequence[_Fold], model: Model, metrics: Mapping[str, Metric] | None) -> Improvement:
+def _combine(folds: Sequence[Fold], model: Model, metrics: Mapping[str, Metric] | None) -> Improvement:
     """Return the improvement over all folds."""
     names = _names(model)
+    first = names[0]
     gains = [gain_of(name, folds) for name in (*names, *(metrics or ()))]
     singles = {}
     for id in dict.fromkeys(id for fold in folds for id in fold.singles):
         # In a fold without evidence for a cause the base predicts.
-        own = [fold.singles.get(id, fold.before.get(names[0], np.empty((0, 2)))) for fold in folds]
-        gain = gain_of(names[0], [replace(fold, after={names[0]: x}) for fold, x in zip(folds, own, strict=True)])
+        units = [fold.singles.get(id, fold.before.units.get(first, _NONE)) for fold in folds]
+        pairs = zip(folds, units, strict=True)
+        gain = gain_of(first, [replace(fold, after=Prediction({first: alone})) for fold, alone in pairs])
         if gain is not None:
             singles[id] = gain.held_out_after
-    modes = tuple(mode for fold in folds for mode in fold.modes)
+    modes = tuple(mode for fold in folds for mode in fold.before.modes)
     return Improvement(
-        gains=tuple(one for one in gains if one is not None),
+        gains=tuple(gain for gain in gains if gain is not None),
         singles=singles,
         modes=modes,
-        modes_after=tuple(mode for one in folds for mode in one.modes_after),
+        modes_after=tuple(mode for fold in folds for mode in fold.after.modes),
+        curves=tuple(
+            pair
+            for fold in folds
+            for pair in zip_longest(fold.before.curves, fold.after.curves if fold.causes else ())
+            if pair[0] is not None
+        ),
         bias=bias_of(modes, slenderness_of(model)),
     )
 
 
-def gain_of(metric: str, folds: Sequence[_Fold]) -> Gain | None:
+def gain_of(metric: str, folds: Sequence[Fold]) -> Gain | None:
     """Return a metric before and after, and the 95 % interval of the improvement; None where no fold has both.
 
     Both are of the same units: a mode that one of the predictions does not have is left out.
     """
-    none = np.empty((0, 2))
-    pairs = [_in_both(fold.before.get(metric, none), fold.after.get(metric, none)) for fold in folds]
+    pairs = [_in_both(fold.before.units.get(metric, _NONE), fold.after.units.get(metric, _NONE)) for fold in folds]
     ends = [(_value(metric, before), _value(metric, after)) for before, after in pairs]
     used = [pair for pair, values in zip(pairs, ends, strict=True) if np.isfinite(values).all()]
     if not used:
@@ -400,6 +379,7 @@ def gain_of(metric: str, folds: Sequence[_Fold]) -> Gain | None:
     before, after = (_value(metric, *(pair[i] for pair in used)) for i in (0, 1))
     interval, count, correlation = _interval(metric, used)
     low, high = sorted(sign * end for end in interval)
+    keys = ("configuration", "verdict", "causes", "before", "after")
     return Gain(
         metric=metric,
         held_out_before=before,
@@ -410,14 +390,8 @@ def gain_of(metric: str, folds: Sequence[_Fold]) -> Gain | None:
         correlation=correlation,
         better=sum(sign * (b - a) > 0.0 for b, a in ends),
         folds=tuple(
-            {
-                "configuration": fold.configuration,
-                "verdict": fold.verdict,
-                "causes": list(fold.causes),
-                "before": before,
-                "after": after,
-            }
-            for fold, (before, after) in zip(folds, ends, strict=True)
+            dict(zip(keys, (fold.configuration, fold.verdict, [*fold.causes], *values), strict=True))
+            for fold, values in zip(folds, ends, strict=True)
         ),
     )
 
@@ -447,13 +421,6 @@ def _interval(
     their differences. The number of effective units, N over the design effect, gives the degrees of freedom, which are
     at least those of the folds. The interval of a single fold is infinite: it does not show the scatter between folds.
     `tests/validation/improvement_interval.py` measures the coverage.
-
-    Parameters
-    ----------
-    metric : str
-        The metric.
-    folds : sequence of (ndarray, ndarray)
-        Units of each fold, before and after.
     """
     numbers = np.repeat(np.arange(len(folds)), [len(before) for before, _ in folds])
     count = numbers.size

@@ -9,9 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from receptance import diagnosis
-from receptance.diagnosis.by_mode import ModeResidual, curves
+from receptance.diagnosis.by_mode import ModeResidual
 from receptance.diagnosis.held_out import FREQUENCIES, SCORE, SPECTRAL, Gain
-from receptance.diagnosis.held_out_curves import held_out_curves
 from receptance.diagnosis.text import capital, names, odds, share, size_texts
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.diagnosis.verdict import CandidateCause, Verdict
@@ -20,7 +19,7 @@ from receptance.fit.result import Identification
 from receptance.report import Column, Fact, PageSection, Table
 from receptance.report.table import Cell, amount, amount_interval, number, percent
 
-SENTENCE = {
+_ANSWERS = {
     "adequate": "noise, floor and tolerances explain the residuals.",
     "undecided": "the model cannot be judged: too few degrees of freedom are left.",
     "named": "the model is inadequate, and the data identify the cause.",
@@ -35,6 +34,8 @@ _MOST_LINES = 30
 """Lines for the campaign file that are shown; more are only counted."""
 _LONGEST = 6
 """Causes and modes in tables of a terminal; the page and `to_dict` have all of them."""
+_HELD_OUT = 4
+"""Number of held-out records that are drawn."""
 _RECORDS = 12
 """Number of records that are drawn, those with the largest residuals: a page of about 1 MB at most."""
 
@@ -53,10 +54,10 @@ def facts(verdict: Verdict) -> list[Fact]:
         shown += _size_and_remedy(cause)
     if verdict.explanation is not None and (lines := verdict.campaign.lines):
         added = f"add the {names([variant.cause.id for variant in verdict.explanation.variants])} to the model"
-        fact = Fact("Campaign file", (f"These lines {added}:",), lines)
+        text, copied = f"These lines {added}:", lines
         if len(lines) > _MOST_LINES:
-            fact = Fact("Campaign file", (f"{len(lines)} lines {added}; the option --extended writes them.",))
-        shown.append(fact)
+            text, copied = f"{len(lines)} lines {added}; the option --extended writes them.", ()
+        shown.append(Fact("Campaign file", (text,), copied))
     for cause in verdict.vetoed:
         text = (
             f"With the {names((cause.id, *cause.together_with))} the residuals fall from "
@@ -84,7 +85,7 @@ def facts(verdict: Verdict) -> list[Fact]:
 
 def _answer(verdict: Verdict) -> Iterator[str]:
     if verdict.interrupted is None:
-        yield f"{verdict.verdict}: {SENTENCE[verdict.verdict]}"
+        yield f"{verdict.verdict}: {_ANSWERS[verdict.verdict]}"
     else:
         yield f"{verdict.verdict}, not final: {verdict.interrupted}."
     if not _is_fitted(verdict):
@@ -241,17 +242,16 @@ def _effect(verdict: Verdict) -> list[Table]:
 def _residuals(verdict: Verdict) -> Iterator[_Row]:
     before, after = verdict.adequacy, verdict.adequacy_after
     if _is_fitted(verdict):
-        misfit, rest, change = f"{times(before.misfit)} times", None, ""
+        rest, change = None, ""
         if after is not None:
-            rest = f"{times(after.misfit)} times"
-            level = "within" if after.passed else "above"
+            rest, level = f"{times(after.misfit)} times", "within" if after.passed else "above"
             change = f"{_decibel(before.misfit**0.5, after.misfit**0.5)}, the rest is {level} noise"
-        yield "residuals over noise, rms", misfit, rest, change
+        yield "residuals over noise, rms", f"{times(before.misfit)} times", rest, change
     shares = [("natural frequencies, rms error", _rms(verdict.modes), _rms(verdict.modes_after))]
     if verdict.discrepancy is not None:
-        before_and_after = (verdict.discrepancy, verdict.discrepancy_after)
+        pair = (verdict.discrepancy, verdict.discrepancy_after)
         for name, field in (("damping", "damping"), ("level", "relative"), ("natural frequencies", "frequency")):
-            size, left = (getattr(found, field, None) for found in before_and_after)
+            size, left = (getattr(discrepancy, field, None) for discrepancy in pair)
             shares.insert(0, (f"model discrepancy, {name}", size, left))
     for name, size, left in shares:
         if size is not None:
@@ -335,8 +335,8 @@ def alternatives(verdict: Verdict, most: int | None = None) -> Table:
     rows: list[list[Cell]] = [["none: the model as it is", "", odds(best), before, ""]]
     for cause in likely[:most]:
         held_out = None if gain is None or cause.held_out is None else of_metric(gain.metric, cause.held_out)
-        shown = [cause.title, _share(verdict, cause), odds(best - cause.evidence), held_out, _why_not(verdict, cause)]
-        rows.append([*shown])
+        behind = odds(best - cause.evidence)
+        rows.append([cause.title, _share(verdict, cause), behind, held_out, _why_not(verdict, cause)])
     columns = ("cause, alone", Column("share\nexplained"), Column("odds to\nthe best"), Column("held out"), "why not")
     notes = [] if gain is None else [f"Held out: {metric_name(gain.metric)}."]
     if less := len(likely) - len(likely[:most]):
@@ -439,8 +439,8 @@ def _section_of_held_out_data(verdict: Verdict) -> Iterator[PageSection]:
         return
     fitted = "which were not fitted" if verdict.held_out is not None else "each left out of the fit"
     drawn = [
-        (f"held out: {before.label}", diagnosis.figure.curve_figure(before, after))
-        for before, after in held_out_curves(verdict)
+        (f"held out: {before.label}", diagnosis.figure.curve_figure(before, after if verdict.causes else None))
+        for before, after in verdict.improvement.curves[:_HELD_OUT]
     ]
     texts = [f"Records {fitted}: measured, and predicted."] if drawn else []
     gain = verdict.gains[0]
@@ -461,28 +461,20 @@ def _section_of_held_out_data(verdict: Verdict) -> Iterator[PageSection]:
 
 
 def _section_of_fitted_data(verdict: Verdict) -> PageSection:
-    observations, explanation = verdict.selection.base.model.observations, verdict.explanation
-    before = curves(verdict.base_fit)
-    after = [None] * len(before) if explanation is None else [*curves(explanation.fit)]
-    records = [i for i, observation in enumerate(observations) if observation.is_receptance]
-    lists = [i for i in range(len(before)) if i not in records]
-    largest = sorted(records, key=lambda i: -float((before[i].residual ** 2).mean()))[:_RECORDS]
-    drawn = [
-        (before[i].label or f"receptance {i + 1}", diagnosis.figure.curve_figure(before[i], after[i]))
-        for i in sorted(largest)
-    ]
-    if lists:
-        extended = [curve for i in lists if (curve := after[i]) is not None]
-        drawn.append(("natural frequencies", diagnosis.figure.frequencies_figure([before[i] for i in lists], extended)))
+    model = verdict.selection.base.model
+    records, frequencies = diagnosis.figure.fitted_curves(verdict, _RECORDS)
+    drawn = [(before.label, diagnosis.figure.curve_figure(before, after)) for before, after in records]
+    if frequencies:
+        drawn.append(("natural frequencies", diagnosis.figure.frequencies_figure(frequencies)))
     counts = {
-        "receptances": len(records),
-        "lines": sum(before[i].frequency_hz.size for i in records),
-        "natural frequencies": sum(before[i].frequency_hz.size for i in lists),
-        "configurations": len(verdict.selection.base.model.configurations),
+        "receptances": len(model.receptances),
+        "lines": sum(observation.frequency_hz.size for observation in model.receptances),
+        "natural frequencies": sum(before.frequency_hz.size for before, _ in frequencies),
+        "configurations": len(model.configurations),
     }
     texts = [f"Number of {', '.join(f'{name}: {count}' for name, count in counts.items() if count)}."]
-    if len(records) > len(largest):
-        texts.append(f"The {len(largest)} receptances with the largest residuals are drawn.")
+    if len(model.receptances) > len(records):
+        texts.append(f"The {len(records)} receptances with the largest residuals are drawn.")
     modes = _mode_table("Residuals at each mode, modelled less measured", verdict.modes, verdict.modes_after)
     return PageSection("Fitted data", texts, drawn, [modes] if modes.rows else [])
 

@@ -36,13 +36,7 @@ def in_parallel(fits: Sequence[Callable[[], _T]], workers: int) -> Iterator[_T]:
 
 
 class Progress:
-    """Counter of the steps of a diagnosis, which reports each of them.
-
-    Parameters
-    ----------
-    report : callable, optional
-        Called with one line of text at the start of each step.
-    """
+    """Counter of the steps of a diagnosis, which reports each of them at its start as a line of text."""
 
     def __init__(self, report: Callable[[str], None] | None = None) -> None:
         self._report = report or (lambda text: None)
@@ -81,9 +75,9 @@ class Progress:
 
     def __call__(self, stage: str, step: str) -> None:
         """Report the start of a step of a stage."""
-        own = self._stages[stage]
-        own[0] += 1
-        own[1] = max(own[1], own[0])
+        counts = self._stages[stage]
+        counts[0] += 1
+        counts[1] = max(counts)
         now = perf_counter()
         text = f"step {self.done} of about {self.total}"
         if self.done > _FEWEST:

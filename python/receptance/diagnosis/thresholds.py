@@ -20,7 +20,7 @@ BLOCKS = 120
 TIE = 0.01
 """Difference of evidence below which two explanations are equal: fits end within less than this of their optimum."""
 EVALUATIONS = 100
-"""Most evaluations of a fit on all lines."""
+"""Most evaluations of a fit on all lines, and of one of the errors of a prediction."""
 EVALUATIONS_OF_BASE = 200
 """Most evaluations from each start of the base on few lines."""
 CONTINUED_BASE = 4
@@ -125,28 +125,15 @@ STRAIN_CHANCE = 1e-2
 """Probability of the strain of the tolerances below which a cause is suspected only: a wrong cause leaves an effect
 that the tolerances absorb."""
 LISTED = 3
-"""Number of vetoed causes that are listed."""
+"""Number of vetoed causes that are listed, and of causes alone whose improvement is measured in each fold, the highest
+evidence first."""
 LOOK_ALIKE = 0.9
 """Cosine between the effects of two causes from which they are listed as look-alikes."""
 
-# The advice.
-
-QUANTITY_SHOWN = 1e3
-"""Increase of chi-square by a wrong quantity where a known mass is measured."""
-
 # Predictions, held-out data and residuals by mode.
-
-LEAST_PROBABILITY = 0.01
-"""Probability below which a model is neglected in a prediction."""
-BEYOND_LIMIT = 1.1
-"""Highest natural frequency of the other models, as a multiple of the limit of a prediction."""
-EVALUATIONS_OF_PREDICTION = 12
-"""Most evaluations of the fits of a prediction."""
 
 FOLDS = 4
 """Most folds; each repeats the choice among the leading explanations."""
-SINGLES_HELD_OUT = 3
-"""Causes whose own improvement is measured in each fold, the highest evidence first."""
 CIRCLE_WIDTHS = 4.0
 """Half-power widths on each side of a peak over which a circle is fitted."""
 BIAS_CONFIGURATIONS = 3

@@ -11,14 +11,14 @@ import numpy as np
 
 from receptance import diagnosis
 from receptance.diagnosis.advice import ProposedMeasurement
-from receptance.diagnosis.averaging import AveragedAssembly
-from receptance.diagnosis.by_mode import Bias, ModeResidual, residuals_by_mode, residuals_of_frequencies
+from receptance.diagnosis.by_mode import Bias, ModeResidual, residuals_by_mode
 from receptance.diagnosis.causes import Variant
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import DiscrepancyFit, Fit, fit_discrepancy, sufficient
 from receptance.diagnosis.held_out import Gain, Improvement
 from receptance.diagnosis.judgement import Answer, Judgement, limits_of
 from receptance.diagnosis.model import Model
+from receptance.diagnosis.prediction import AveragedAssembly
 from receptance.diagnosis.screening import look_alikes
 from receptance.diagnosis.text import Reason, Size, sizes, title_of
 from receptance.diagnosis.thresholds import KEPT_ON_INTERRUPT, LISTED, MARGIN
@@ -163,9 +163,8 @@ class Verdict(Result):
         run = [self.interrupted] if self.interrupted else []
         run += [Reason("fast_diagnosis")] if self.selection.fast else []
         # Records that contradict each other make everything else doubtful.
-        first = [reason for reason in self.data_reasons if reason.code == "contradiction"]
-        rest = [reason for reason in self.data_reasons if reason.code != "contradiction"]
-        return (*first, *run, *self.judgement.reasons, *limits_of(self.selection), *rest)
+        reasons = [*run, *self.judgement.reasons, *limits_of(self.selection), *self.data_reasons]
+        return tuple(sorted(reasons, key=lambda reason: reason.code != "contradiction"))
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -187,19 +186,13 @@ class Verdict(Result):
     @cached_property
     def causes(self) -> tuple[CandidateCause, ...]:
         """The reported causes, the highest evidence first; none where the model is adequate or unexplained."""
-        reported: dict[str, CandidateCause] = {}
-        for explanation in self.judgement.reported:
-            for variant in explanation.variants:
-                if variant.cause.id not in reported:
-                    reported[variant.cause.id] = _candidate(self.selection, explanation, variant)
-        return tuple(reported.values())
+        return self._causes_of(self.judgement.reported)
 
     @cached_property
     def candidates(self) -> tuple[CandidateCause, ...]:
         """Every cause alone, the highest evidence first."""
-        singles = self.selection.singles[: KEPT_ON_INTERRUPT if self.selection.interrupted else None]
-        fitted = (_candidate(self.selection, single, single.variants[0]) for single in singles)
-        return tuple(replace(cause, held_out=self.improvement.singles.get(cause.id)) for cause in fitted)
+        singles = self._causes_of(self.selection.singles[: KEPT_ON_INTERRUPT if self.selection.interrupted else None])
+        return tuple(replace(cause, held_out=self.improvement.singles.get(cause.id)) for cause in singles)
 
     @cached_property
     def vetoed(self) -> tuple[CandidateCause, ...]:
@@ -211,21 +204,27 @@ class Verdict(Result):
         explanations = self.selection.explanations
         plausible = max((fitted.evidence for fitted in explanations if not fitted.implausible), default=0.0)
         least = max(self.threshold, plausible - MARGIN, 0.0)
-        vetoed: dict[str, CandidateCause] = {}
-        for explanation in (fitted for fitted in explanations if fitted.evidence > least and fitted.implausible):
+        likely = [fitted for fitted in explanations if fitted.evidence > least and fitted.implausible]
+        reported = {cause.id for cause in self.causes}
+        return tuple(c for c in self._causes_of(likely, implausible=True) if c.id not in reported)[:LISTED]
+
+    def _causes_of(
+        self, explanations: Sequence[Explanation], *, implausible: bool = False
+    ) -> tuple[CandidateCause, ...]:
+        """Return each cause in its first explanation: all, or in the first one in which its size is implausible."""
+        first: dict[str, CandidateCause] = {}
+        for explanation in explanations:
             for variant in explanation.variants:
-                if variant.cause.id not in vetoed and explanation.implausible_sizes(variant.cause):
-                    vetoed[variant.cause.id] = _candidate(self.selection, explanation, variant)
-        reported = [cause.id for cause in self.causes]
-        return tuple(cause for id, cause in vetoed.items() if id not in reported)[:LISTED]
+                id = variant.cause.id
+                if id not in first and (not implausible or explanation.implausible_sizes(variant.cause)):
+                    first[id] = _candidate(self.selection, explanation, variant)
+        return tuple(first.values())
 
     @cached_property
     def alternatives(self) -> tuple[CandidateCause, ...]:
         """Changes that are not causes, the highest evidence first; see `receptance.diagnosis.alternatives`."""
-        return tuple(
-            _candidate(self.selection, alternative, alternative.variants[-1])
-            for alternative in self.selection.alternatives
-        )
+        changes = self.selection.alternatives
+        return tuple(_candidate(self.selection, change, change.variants[-1]) for change in changes)
 
     @property
     def alternative(self) -> CandidateCause | None:
@@ -273,10 +272,8 @@ class Verdict(Result):
     @cached_property
     def base(self) -> Identification:
         """The fitted base as `identify` states it: where it is not adequate, its intervals include the discrepancy."""
-        if self.discrepancy is None:
-            return _allowing_for_discrepancy(self.base_fit)
-        identification = self.base_fit.identification
-        return replace(identification, task=replace(identification.task, discrepancy=self.discrepancy))
+        fit = self.discrepancy_fit
+        return _allowing_for_discrepancy(self.base_fit) if fit is None else _with_discrepancy(fit)
 
     @property
     def extended(self) -> Identification | None:
@@ -310,17 +307,19 @@ class Verdict(Result):
         AveragedAssembly
             With the attribute `assembly` and the method `natural_frequencies`.
         """
-        left, identified = self.discrepancy_after or self.discrepancy, self._predicting
+        identified, discrepancy = self._predicting, self.discrepancy_after or self.discrepancy
         relative = np.inf if self.verdict == "unexplained" else 0.0
         if identified.discrepancy is not None:
-            left, relative = None, 0.0  # its predictions have the discrepancy
+            relative = 0.0  # its predictions have the discrepancy
+        elif discrepancy is not None:
+            relative = discrepancy.frequency
         return AveragedAssembly(
-            self.selection,
-            self.explanation,
-            identified,
-            Site(assembly, configuration, "", conditions or {}),
-            tolerances,
-            relative if left is None else left.frequency,
+            selection=self.selection,
+            reported=self.explanation,
+            identified=identified,
+            site=Site(assembly, configuration, "", conditions or {}),
+            tolerances=tolerances,
+            discrepancy=relative,
         )
 
     # Errors.
@@ -352,8 +351,8 @@ class Verdict(Result):
 
     def frequency_errors(self) -> list[dict[str, Any]]:
         """Return modelled less measured natural frequencies in percent, before and after, by mode."""
-        before = residuals_of_frequencies(self.base_fit)
-        after = before if self.explanation is None else residuals_of_frequencies(self.explanation.fit)
+        before = residuals_by_mode(self.base_fit, of_receptances=False)
+        after = before if self.explanation is None else residuals_by_mode(self.explanation.fit, of_receptances=False)
         names = ("label", "mode", "measured_hz", "before", "after")
         return [
             dict(zip(names, (b.label, b.mode, b.measured_hz, b.frequency_percent, a.frequency_percent), strict=True))
@@ -435,11 +434,14 @@ def _candidate(selection: Selection, explanation: Explanation, variant: Variant)
 
 def _allowing_for_discrepancy(fit: Fit) -> Identification:
     """Return a fit as `identify` states it: with a discrepancy where its data do not show that it has none."""
-    if fit.adequacy.needs_discrepancy and fit.converged:
-        try:
-            widened = sufficient(fit_discrepancy(fit.model.resonant(), fit.values))
-        except ReceptanceError:
-            return fit.identification
-        identification = widened.fit.identification
-        return replace(identification, task=replace(identification.task, discrepancy=widened.discrepancy))
-    return fit.identification
+    if not (fit.adequacy.needs_discrepancy and fit.converged):
+        return fit.identification
+    try:
+        return _with_discrepancy(sufficient(fit_discrepancy(fit.model.resonant(), fit.values)))
+    except ReceptanceError:
+        return fit.identification
+
+
+def _with_discrepancy(widened: DiscrepancyFit) -> Identification:
+    identification = widened.fit.identification
+    return replace(identification, task=replace(identification.task, discrepancy=widened.discrepancy))
