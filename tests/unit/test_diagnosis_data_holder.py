@@ -25,8 +25,8 @@ from receptance import (
 )
 from receptance.coupling import mode_tolerances, read_spindle, write_spindle
 from receptance.diagnosis import diagnose
+from receptance.diagnosis.measured_data import with_table_noise
 from receptance.diagnosis.model import Model
-from receptance.diagnosis.table_noise import with_table_noise
 from receptance.fit import Law, Tolerance
 
 LINES = np.arange(160.0, 5000.0, 20.0)

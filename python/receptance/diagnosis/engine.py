@@ -10,7 +10,6 @@ from receptance import _checks
 from receptance.diagnosis.advice import ProposedMeasurement, advise
 from receptance.diagnosis.catalogue import resolve_causes
 from receptance.diagnosis.causes import Cause, extend
-from receptance.diagnosis.contradictions import contradictions
 from receptance.diagnosis.discrepancy_search import select_with_discrepancy
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import DiscrepancyFit, fit_discrepancy, refit, sufficient
@@ -26,11 +25,10 @@ from receptance.diagnosis.held_out import (
     improvement_on,
 )
 from receptance.diagnosis.judgement import Judgement, conclude
-from receptance.diagnosis.line_selection import select_lines
+from receptance.diagnosis.measured_data import contradictions, select_lines, with_table_noise
 from receptance.diagnosis.model import Model, UndecidableError
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.search import select
-from receptance.diagnosis.table_noise import with_table_noise
 from receptance.diagnosis.text import Reason
 from receptance.diagnosis.thresholds import BEYOND_NOISE, EXPLORING_LINES
 from receptance.diagnosis.truncation import record_ends

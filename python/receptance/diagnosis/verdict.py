@@ -221,7 +221,7 @@ class Verdict(Result):
 
     @cached_property
     def alternatives(self) -> tuple[CandidateCause, ...]:
-        """Changes that are not causes, the highest evidence first; see `receptance.diagnosis.alternatives`."""
+        """Changes that are not causes, the highest evidence first; see `receptance.diagnosis.catalogue`."""
         return tuple(
             _candidate(self.selection, alternative, alternative.variants[-1])
             for alternative in self.selection.alternatives
