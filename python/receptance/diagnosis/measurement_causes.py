@@ -61,9 +61,9 @@ def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         f"the mass at the sensor exceeds the stated {stated} by this size; below zero the stated one is too large by it"
     )
     weigh = f"correct the stated {stated}: weigh the sensor with its adapter, wax and cable; a laser has no mass"
-    texts = {"meaning": more, "remedy": weigh} if stated else {}
+    meaning, remedy = (more, weigh) if stated else ("", "")
     for scope in scopes_of(model):
-        yield Variant(scope.name, partial(_add_sensor, p["mass"], scope), **texts)
+        yield Variant(scope.name, partial(_add_sensor, p["mass"], scope), meaning=meaning, remedy=remedy)
 
 
 def _add_sensor(mass: Parameter, scope: Scope, model: Model) -> Model:
@@ -368,15 +368,11 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     for scope in scopes_of(model):
         yield Variant(
             scope.within("complex conjugate"),
-            partial(scope.change, change=_conjugate),
+            partial(scope.change, change=lambda record: altered(record, receptance=record.receptance.conj())),
             meaning="the files are written for the other sign of the exponent in time",
             remedy="in Python `frf.conjugated()` before the FRF is used, in a campaign the line `conjugate = true` in "
             "the tables of these measurements",
         )
-
-
-def _conjugate(record: Observation) -> Observation:
-    return altered(record, receptance=record.receptance.conj())
 
 
 def _integrate(order: int, record: Observation) -> Observation:
@@ -388,11 +384,8 @@ def _polarity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     for scope in scopes_of(model):
         there = f"sensor or hammer pointed the other way in the {scope.name}, and not in the other FRFs"
         meaning = "" if scope == Scope() else there
-        yield Variant(scope.name, partial(scope.change, change=_reverse), meaning=meaning)
-
-
-def _reverse(record: Observation) -> Observation:
-    return altered(record, receptance=-record.receptance)
+        change = partial(scope.change, change=lambda record: altered(record, receptance=-record.receptance))
+        yield Variant(scope.name, change, meaning=meaning)
 
 
 def _quantity_of(order: int) -> str:
