@@ -291,6 +291,7 @@ def _spread_over(points: int | None, length: Parameter | None, slope: Parameter 
         raise IndescribableError(f"a coordinate or an attachment is on {holder} within the insertion")
     spread = _spread_model(fixed, anatomy, points, whole=length is None)
     first, contact = f"{holder}.segment[0].length", f"{joint}.length"
+    last = str(len(fixed.parts(tool)[0].segments) - 1)
 
     def follow(address: str) -> dict[str, float]:
         """Return the parameters in the place of one: shank and sleeve of the joint are of tool and holder.
@@ -301,14 +302,14 @@ def _spread_over(points: int | None, length: Parameter | None, slope: Parameter 
         if length is None and address == first:
             return {contact: 1.0}
         part, _, rest = address.partition(".segment[")
-        field = rest.partition("].")[2]
+        index, _, field = rest.partition("].")
         if field.startswith("core.") and not any(covered(address, own.assembly) for own in spread.observations):
             return {}
         addresses = [address]
         if field and field != "length" and not field.startswith("core."):
-            if part == tool:
+            if part == tool and index in ("*", last):
                 addresses.append(f"{joint}.shank.{field}")
-            elif part == holder and rest[0] in "*0" and field != "inner_diameter":
+            elif part == holder and index in ("*", "0") and field != "inner_diameter":
                 addresses.append(f"{joint}.sleeve.{field}")
         return dict.fromkeys(addresses, 1.0)
 
