@@ -233,6 +233,14 @@ def test_a_collet_of_no_mass_is_the_joint() -> None:
         CATALOGUE["collet_mass"].extensions(collet)
 
 
+def test_a_law_of_the_overhang_is_tried_where_the_holder_was_measured_alone_as_well() -> None:
+    holder = Assembly([MODEL.observations[0].assembly.elements["holder"]])
+    alone = altered(MODEL.observations[0], assembly=holder, label="holder alone")
+    model = replace(MODEL, observations=(*MODEL.observations, alone))
+    names = [variant.name for variant in CATALOGUE["joint_overhang_law"].variants(MODEL)]
+    assert [variant.name for variant, _ in CATALOGUE["joint_overhang_law"].extensions(model)] == names
+
+
 @pytest.mark.parametrize("name", ["layer", "layer over the whole insertion"])
 def test_the_order_of_two_causes_does_not_matter(name: str) -> None:
     """Flutes end before the holder: the shank within a spread joint keeps its diameter."""

@@ -19,7 +19,16 @@ from types import MappingProxyType
 from receptance._text import instead_of, shown
 from receptance.diagnosis.boundary_causes import BOUNDARY_CAUSES, RESONATOR_PARAMETERS, resonances
 from receptance.diagnosis.causes import Cause, Group, Parameter, Variant
-from receptance.diagnosis.changes import Scope, add, attach, move, moved_step, require_receptances, scopes_of
+from receptance.diagnosis.changes import (
+    Scope,
+    add,
+    attach,
+    move,
+    moved_step,
+    overhangs_of,
+    require_receptances,
+    scopes_of,
+)
 from receptance.diagnosis.joint_causes import JOINT_CAUSES
 from receptance.diagnosis.measurement_causes import MEASUREMENT_CAUSES
 from receptance.diagnosis.model import Model, UndecidableError
@@ -35,7 +44,6 @@ from receptance.diagnosis.thresholds import ALTERNATIVE_PLACES, PIECES, SAME_PLA
 from receptance.fit.parameters import HIGH_PASS, LEVEL_EXPONENT, LEVEL_SLOPE, LOW_PASS, PHASE
 from receptance.fit.unknowns import Prior
 from receptance.model.addresses import edges_of
-from receptance.model.anatomy import overhang_of
 from receptance.model.beams import Part
 from receptance.model.joints import GroundSpring, PointMass
 
@@ -270,8 +278,7 @@ def _other_tool(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     scopes = [scope for scope in scopes_of(model) if scope.kind in ("configuration", "record")]
     if not scopes:
         raise UndecidableError("there are no FRFs, or a single one: measure several")
-    pairs = zip(model.observations, model.anatomies, strict=True)
-    overhangs = {overhang_of(observation.assembly, anatomy) for observation, anatomy in pairs if anatomy.joint}
+    overhangs = overhangs_of(model)
     fields = {"log_density": f"{model.tip}.segment[*].density", "log_modulus": f"{model.tip}.segment[*].youngs_modulus"}
     for scope in scopes:
         for name, address in fields.items():

@@ -21,6 +21,7 @@ from receptance.diagnosis.model import IndescribableError, Model, UndecidableErr
 from receptance.fit.observation import Observation
 from receptance.fit.unknowns import Law, Move, Tolerance, Unknown
 from receptance.model.addresses import edges_of
+from receptance.model.anatomy import overhang_of
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring, PointMass, Resonator
 
@@ -42,6 +43,15 @@ def require_free(model: Model, addresses: Iterable[str], what: str) -> None:
     """Raise `UndecidableError` if a parameter that a cause changes is an unknown of the model."""
     if any(map(model.has, addresses)):
         raise UndecidableError(f"{what} is an unknown of the model already")
+
+
+def overhangs_of(model: Model) -> dict[str, list[str]]:
+    """Return the addresses of the overhangs in assemblies with a joint, and the configurations that have each."""
+    overhangs: dict[str, list[str]] = {}
+    for name, observation, anatomy in zip(model.configuration_of, model.observations, model.anatomies, strict=True):
+        if anatomy.joint:
+            overhangs.setdefault(overhang_of(observation.assembly, anatomy), []).append(name)
+    return overhangs
 
 
 def attach(

@@ -9,7 +9,7 @@ from functools import partial
 from typing import TypeVar
 
 from receptance.diagnosis.causes import Cause, Parameter, Variant
-from receptance.diagnosis.changes import attach, require_free, with_places
+from receptance.diagnosis.changes import attach, overhangs_of, require_free, with_places
 from receptance.diagnosis.model import (
     SPRING_TERMS,
     IndescribableError,
@@ -32,7 +32,7 @@ from receptance.diagnosis.thresholds import (
 from receptance.fit.observation import Observation, altered
 from receptance.fit.unknowns import Prior, covered
 from receptance.model.addresses import check_motion
-from receptance.model.anatomy import Anatomy, overhang_of
+from receptance.model.anatomy import Anatomy
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part, Section, SpreadJoint
 from receptance.model.coordinates import Coordinate
@@ -115,12 +115,6 @@ def _is_varied(values: list[float]) -> bool:
     return bool(values) and min(values) > 0.0 and max(values) > VARIED * min(values)
 
 
-def _overhangs(model: Model) -> set[str]:
-    """Return the addresses of the overhang in the assemblies."""
-    pairs = zip(model.observations, model.anatomies, strict=True)
-    return {overhang_of(observation.assembly, anatomy) for observation, anatomy in pairs}
-
-
 def _laws(p: Mapping[str, Parameter], model: Model, condition: str, *, prefix: str = "") -> Iterator[Variant]:
     """Yield power laws of a condition for the joint's stiffnesses and dampings, together and separately.
 
@@ -128,7 +122,7 @@ def _laws(p: Mapping[str, Parameter], model: Model, condition: str, *, prefix: s
     """
     values = _values(model, condition)
     reference = math.exp(sum(math.log(value) for value in values) / len(values))
-    add = partial(_add_laws, "" if condition in _overhangs(model) else condition, reference)
+    add = partial(_add_laws, "" if condition in overhangs_of(model) else condition, reference)
     damped = any(model.has(a) for field in _DAMPINGS for a in model.joint_addresses(field))
     for fields in (("y",), ("theta",), ("y", "theta")):
         name = " and ".join(f"k_{field}" for field in fields)
@@ -153,7 +147,7 @@ def _add_laws(
     """
     require_joint(model)
     if not condition:
-        if len(addresses := _overhangs(model)) != 1:
+        if len(addresses := overhangs_of(model)) != 1:
             raise UndecidableError("the overhangs have different addresses in the assemblies")
         (condition,) = addresses
     for exponent, powers in laws:
@@ -180,7 +174,7 @@ def _law_of(condition: str, missing: str, p: Mapping[str, Parameter], model: Mod
 def _condition_law(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     require_joint(model)
     names = dict.fromkeys(name for one in model.observations for name in one.conditions)
-    lengths = _overhangs(model)
+    lengths = overhangs_of(model)
     conditions = [name for name in names if name not in ("force", "plane") and ".segment[" not in name]
     if "overhang" not in names and len(lengths) == 1:
         conditions += lengths

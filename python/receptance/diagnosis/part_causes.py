@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from receptance.diagnosis.causes import Cause, Parameter, Variant
-from receptance.diagnosis.changes import attach, moved_step, require_free
+from receptance.diagnosis.changes import attach, moved_step, overhangs_of, require_free
 from receptance.diagnosis.model import (
     IndescribableError,
     Model,
@@ -82,11 +82,10 @@ def _add_end_mass(mass: Parameter, model: Model) -> Model:
 
 def _overhang(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     require_joint(model)
-    triples = zip(model.configuration_of, model.observations, model.anatomies, strict=True)
-    overhangs = [(name, overhang_of(one.assembly, anatomy)) for name, one, anatomy in triples if anatomy.joint]
-    require_free(model, (address for _, address in overhangs), "the overhang")
+    overhangs = overhangs_of(model)
+    require_free(model, overhangs, "the overhang")
     yield Variant("all", partial(_lengthen, p["length"], None))
-    names = dict.fromkeys(name for name, _ in overhangs)
+    names = dict.fromkeys(name for configurations in overhangs.values() for name in configurations)
     for name in names if len(names) > 1 else ():
         yield Variant(name, partial(_lengthen, p["length"], name))
 
