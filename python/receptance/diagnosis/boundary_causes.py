@@ -43,10 +43,6 @@ Place = Callable[[Model], tuple[str, float | Literal["end"]]]
 """Returns a part of a model and a position on it; raises `UndecidableError` where the model does not have it."""
 
 
-def _missing_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    yield from resonances(p, model, _end_of_holder, "at the holder's far end")
-
-
 def _end_of_holder(model: Model) -> tuple[str, Literal["end"]]:
     require_beams(model)
     require_no_table(model, "which contains every mode of that part; measure it again")
@@ -55,7 +51,7 @@ def _end_of_holder(model: Model) -> tuple[str, Literal["end"]]:
     return far_end(model), "end"
 
 
-def resonances(p: Mapping[str, Parameter], model: Model, place: Place, where: str) -> Iterator[Variant]:
+def resonances(p: Mapping[str, Parameter], model: Model, *, place: Place, where: str) -> Iterator[Variant]:
     """Yield resonators at a place, tuned to frequencies over the whole band of the lines.
 
     Parameters
@@ -368,7 +364,7 @@ BOUNDARY_CAUSES = (
     Cause(
         id="missing_mode",
         parameters=RESONATOR_PARAMETERS,
-        change=_missing_mode,
+        change=partial(resonances, place=_end_of_holder, where="at the holder's far end"),
         meaning="spindle or fixture has a mode that the model does not have",
         remedy="measure the spindle or the fixture alone at that frequency",
         remedy_in_spindle="hit a gauge blank in the warm spindle: a mode of spindle or machine is there as well",

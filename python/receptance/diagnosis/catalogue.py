@@ -291,11 +291,7 @@ def _other_tool(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _resonator(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    yield from resonances(p, model, _tip, f"on the tip of {model.tip}")
-
-
-def _tip(model: Model) -> tuple[str, float]:
-    return model.tip, 0.0
+    yield from resonances(p, model, place=lambda other: (other.tip, 0.0), where=f"on the tip of {model.tip}")
 
 
 def _amplifier(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:

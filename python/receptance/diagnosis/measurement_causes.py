@@ -89,15 +89,16 @@ def _add_sensor(mass: Parameter, scope: Scope, model: Model) -> Model:
 
 
 def _with_sensors(model: Model) -> Model:
-    return model.map(_with_sensor).with_shared_assemblies()
+    """Return the model with a point for a mass at the sensors of all records where none is stated."""
 
+    def add_point(observation: Observation) -> Observation:
+        if _masses_at_response(observation):
+            return observation
+        place = observation.response if observation.is_receptance else Coordinate()
+        point = PointMass(mass=0.0, part=place.part, position=place.position, name="cause_sensor")
+        return altered(observation, assembly=with_points(observation.assembly, point))
 
-def _with_sensor(observation: Observation) -> Observation:
-    if _masses_at_response(observation):
-        return observation
-    place = observation.response if observation.is_receptance else Coordinate()
-    point = PointMass(mass=0.0, part=place.part, position=place.position, name="cause_sensor")
-    return altered(observation, assembly=with_points(observation.assembly, point))
+    return model.map(add_point).with_shared_assemblies()
 
 
 def _masses_at_response(observation: Observation) -> dict[str, float]:
@@ -415,18 +416,15 @@ def _truncate(parameter: Parameter, scope: Scope, model: Model) -> Model:
     unknown = replace(parameter, typical=end).unknown(
         END, lower=_EARLIEST * end, upper=_LATEST * end, **scope.limits(model)
     )
-    return scope.change(model, partial(_end_at, end)).plus(unknown)
+    # A stepped sine has no end.
+    ended = scope.change(model, lambda one: altered(one, ends=end) if one.force is None else one)
+    return ended.plus(unknown)
 
 
 def _best_end(model: Model, values: Mapping[str, float]) -> dict[str, float]:
     """Return the end of records, the last unknown of this kind, at which chi-square is smallest on few lines."""
     end = next(unknown for unknown in reversed(model.unknowns) if unknown.address == END)
     return best_end(end, model.task, model.on_few_lines, values)
-
-
-def _end_at(time: float, record: Observation) -> Observation:
-    # A stepped sine has no end.
-    return record if record.force is not None else altered(record, ends=time)
 
 
 MEASUREMENT_CAUSES = (
