@@ -680,6 +680,18 @@ def _bare_unit(text: str, unit: str, expected: str) -> Unit:
 
 
 @functools.lru_cache(maxsize=256)
+def powers_of(unit: str) -> dict[str, float]:
+    """Return the powers of the base dimensions in a unit, such as mass and time; none of those in a plain number.
+
+    Examples
+    --------
+    >>> from receptance.units import powers_of
+    >>> powers_of("N/m")
+    {'mass': 1.0, 'time': -2.0}
+    """
+    return dict(_read(unit).dimension) if unit else {}
+
+
 def _name_of(dimension: Dimension) -> str:
     """Return the name of a quantity of some dimension, for messages."""
     plain = {"a force": "N", "a moment": "N m", "an area": "m^2", "an acceleration": "m/s^2", "a velocity": "m/s"}

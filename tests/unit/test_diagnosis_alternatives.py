@@ -22,7 +22,7 @@ from receptance import (
     Unknown,
 )
 from receptance.diagnosis import CATALOGUE, Cause, Model, UndecidableError, diagnose
-from receptance.diagnosis.alternatives import ALTERNATIVES
+from receptance.diagnosis.catalogue import ALTERNATIVES
 from receptance.diagnosis.explanation import Selection
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.judgement import conclude

@@ -233,6 +233,47 @@ def test_a_collet_of_no_mass_is_the_joint() -> None:
         CATALOGUE["collet_mass"].extensions(collet)
 
 
+def test_a_law_of_the_overhang_is_tried_where_the_holder_was_measured_alone_as_well() -> None:
+    holder = Assembly([MODEL.observations[0].assembly.elements["holder"]])
+    alone = altered(MODEL.observations[0], assembly=holder, label="holder alone")
+    model = replace(MODEL, observations=(*MODEL.observations, alone))
+    names = [variant.name for variant in CATALOGUE["joint_overhang_law"].variants(MODEL)]
+    assert [variant.name for variant, _ in CATALOGUE["joint_overhang_law"].extensions(model)] == names
+
+
+@pytest.mark.parametrize("name", ["layer", "layer over the whole insertion"])
+def test_the_order_of_two_causes_does_not_matter(name: str) -> None:
+    """Flutes end before the holder: the shank within a spread joint keeps its diameter."""
+    flutes = variant_of(MODEL, "fluted_part", "from the tip")
+    spread = variant_of(MODEL, "joint_spread", name)
+    models = [extend(MODEL, order) for order in ((flutes, spread), (spread, flutes))]
+    values = {"fluted_part.log_diameter": -0.1, "fluted_part.length": 0.02, "joint_spread.length": 0.01}
+    first, second = (one.problem.residual(one.task.variables.vector_of(values)) for one in models)
+    assert np.abs(first).max() > 10.0
+    np.testing.assert_allclose(second, first, atol=1e-6 * np.abs(first).max())
+
+
+@pytest.mark.parametrize("field", ["youngs_modulus", "density", "outer_diameter"])
+def test_an_unknown_of_the_tool_is_one_of_the_shank_in_a_spread_joint(field: str) -> None:
+    stated = MODEL.observations[0].assembly.get(f"tool.segment[0].{field}")
+    unknown = Unknown(address=f"tool.segment[*].{field}", lower=0.5 * stated, upper=2.0 * stated, start=stated)
+    variant = variant_of(MODEL, "joint_spread", "layer")
+    (as_unknown, as_tolerance) = (
+        variant.apply(replace(MODEL, unknowns=(*JOINT, *unknowns), tolerances=tolerances))
+        for unknowns, tolerances in (
+            ((unknown,), ()),
+            ((), (Tolerance(name="error", moves={unknown.address: 1.0}, relative=True),)),
+        )
+    )
+    values = {"joint_spread.length": 0.01, unknown.name: stated * np.exp(0.1), "error": 0.1}
+    first, second = (
+        one.problem.residual(one.task.variables.vector_of(values))[: 4 * LINES.size]
+        for one in (as_unknown, as_tolerance)
+    )
+    assert np.abs(first).max() > 10.0
+    np.testing.assert_allclose(second, first, atol=1e-6 * np.abs(first).max())
+
+
 def test_a_heavy_collet_has_a_moment_of_inertia_of_its_own() -> None:
     """One radius of gyration for all collets leaves a misfit far beyond the noise where a collet of 70 g differs."""
     inertia = 0.07 * (0.75 * 0.012) ** 2

@@ -25,7 +25,7 @@ from receptance import (
 )
 from receptance.coupling import mode_tolerances, read_spindle, write_spindle
 from receptance.diagnosis import diagnose
-from receptance.diagnosis.data import with_table_noise
+from receptance.diagnosis.measured_data import with_table_noise
 from receptance.diagnosis.model import Model
 from receptance.fit import Law, Tolerance
 

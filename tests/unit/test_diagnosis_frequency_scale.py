@@ -23,12 +23,9 @@ from receptance import (
     Segment,
     SpreadJoint,
     Unknown,
-    units,
 )
 from receptance.diagnosis import CATALOGUE, Model, UndecidableError, Verdict, diagnose
-from receptance.diagnosis.measurement_causes import _POWERS
 from receptance.fit import Tolerance
-from receptance.model.addresses import QUANTITIES
 
 LINES = np.linspace(200.0, 9000.0, 300)
 OVERHANGS = (0.05, 0.07, 0.09)
@@ -109,12 +106,6 @@ def test_natural_frequencies_are_divided_by_the_scale() -> None:
     x = scaled.task.variables.start.copy()
     x[-1] = np.log1p(0.008)
     assert np.abs(scaled.problem.residual(x)).max() < 1e-5
-
-
-def test_powers_of_mass_and_time_are_those_of_the_units() -> None:
-    for name, quantity in QUANTITIES.items():
-        found = dict(units._read(quantity.unit).dimension) if quantity.unit else {}
-        assert _POWERS[quantity.unit] == (found.get("mass", 0.0), found.get("time", 0.0)), name
 
 
 def test_a_table_may_have_the_same_error() -> None:

@@ -30,7 +30,7 @@ from receptance import (
     Unknown,
 )
 from receptance.diagnosis import CATALOGUE, Cause, Model, Parameter, UndecidableError, Variant, diagnose
-from receptance.diagnosis.alternatives import ALTERNATIVES
+from receptance.diagnosis.catalogue import ALTERNATIVES
 from receptance.diagnosis.causes import transfer
 from receptance.model.addresses import MotionError, check_motion
 from variant_of_cause import variant_of

@@ -27,10 +27,10 @@ from receptance import (
 from receptance.coupling.unknown_modes import ModeChoice
 from receptance.diagnosis import CATALOGUE, Model, Verdict, diagnose, fitting
 from receptance.diagnosis.causes import parameters_of
-from receptance.diagnosis.data import select_lines
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import fit_base, refit
 from receptance.diagnosis.judgement import conclude
+from receptance.diagnosis.measured_data import select_lines
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.fit import Law, Move, Tolerance

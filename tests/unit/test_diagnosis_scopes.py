@@ -25,9 +25,9 @@ from receptance import (
 )
 from receptance.diagnosis import CATALOGUE, Model, diagnose
 from receptance.diagnosis.causes import transfer
-from receptance.diagnosis.data import contradictions
+from receptance.diagnosis.changes import Scope, scopes_of
+from receptance.diagnosis.measured_data import contradictions
 from receptance.diagnosis.model import UndecidableError
-from receptance.diagnosis.scopes import Scope, scopes_of
 from receptance.errors import ReceptanceWarning
 from receptance.fit import Tolerance
 from receptance.fit.observation import altered

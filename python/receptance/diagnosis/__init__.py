@@ -2,7 +2,7 @@
 
 Data flow of `engine.diagnose`::
 
-    observations, unknowns, tolerances -> model.Model -> data: usable lines, errors of tables, contradictions
+    observations, unknowns, tolerances -> model.Model -> measured_data: usable lines, contradictions
     Model -> starts, fitting: Fit of the base -> adequacy: Adequacy
     catalogue (joint, part, boundary and measurement causes): Cause + Model -> Variants (changes of a Model)
     Fit + Variants -> screening: Direction (changed Model, effect to first order, detection threshold, look-alikes)

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from receptance.diagnosis.causes import Cause, CauseUnknown, Parameter, Variant
+from receptance.diagnosis.changes import attach, with_places
 from receptance.diagnosis.model import (
     SPRING_TERMS,
     Model,
@@ -20,7 +21,7 @@ from receptance.diagnosis.model import (
     require_beams,
     require_no_table,
 )
-from receptance.diagnosis.thresholds import RESONANCE_STEP, SPRING_COUNT, SPRING_DECAY, SPRING_PIECES, SPRING_TRACE
+from receptance.diagnosis.thresholds import PIECES, RESONANCE_STEP
 from receptance.fit.unknowns import Move, Prior, Unknown
 from receptance.model.assembly import Assembly
 from receptance.model.joints import GroundSpring, Resonator
@@ -42,10 +43,6 @@ Place = Callable[[Model], tuple[str, float | Literal["end"]]]
 """Returns a part of a model and a position on it; raises `UndecidableError` where the model does not have it."""
 
 
-def _missing_mode(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    yield from resonances(p, model, _end_of_holder, "at the holder's far end")
-
-
 def _end_of_holder(model: Model) -> tuple[str, Literal["end"]]:
     require_beams(model)
     require_no_table(model, "which contains every mode of that part; measure it again")
@@ -54,7 +51,7 @@ def _end_of_holder(model: Model) -> tuple[str, Literal["end"]]:
     return far_end(model), "end"
 
 
-def resonances(p: Mapping[str, Parameter], model: Model, place: Place, where: str) -> Iterator[Variant]:
+def resonances(p: Mapping[str, Parameter], model: Model, *, place: Place, where: str) -> Iterator[Variant]:
     """Yield resonators at a place, tuned to frequencies over the whole band of the lines.
 
     Parameters
@@ -83,7 +80,7 @@ def _resonate(p: Mapping[str, Parameter], place: Place, frequency: float, model:
     frequency_factor = replace(p["log_frequency"], plausible=(math.log(low / frequency), math.log(high / frequency)))
     name = f"{p['mass'].cause}_resonator"
     resonator = Resonator(mass=0.0, k_y=1.0, part=part, position=position, name=name)
-    return model.with_change(Model.attach, resonator).plus(
+    return attach(model, [resonator], {}).plus(
         p["mass"].unknown(f"{name}.mass", also={f"{name}.k_y": angular**2, f"{name}.c_y": 0.02 * angular}),
         frequency_factor.move({f"{name}.k_y": 2.0, f"{name}.c_y": 1.0}, relative=True),
         p["log_damping"].move({f"{name}.c_y": 1.0}, relative=True),
@@ -176,12 +173,9 @@ def _move_all_modes(p: Mapping[str, Parameter], configuration: str, model: Model
 
 @dataclass(frozen=True)
 class _Pieces:
-    """The pieces of a divided spring."""
+    """The pieces of a divided spring; the first one keeps its name."""
 
-    name: str
-    """Name of the spring; the first piece keeps it."""
     springs: tuple[GroundSpring, ...]
-    """The pieces."""
     shares: tuple[float, ...]
     """Their shares of the whole."""
     places: tuple[float, ...]
@@ -194,6 +188,11 @@ _UNEVEN = {
     "more at the ends, and more at one of them": ("log_ends", "log_tilt"),
 }
 """Distributions along springs, and their parameters."""
+_SHAPES: Mapping[str, Callable[[int, float], float]] = {
+    "log_ends": lambda i, x: 2.0 * x * x - 1.0,
+    "log_tilt": lambda i, x: x,
+}
+"""Logarithms of the stiffness of a piece with a number and a place from -1 to 1, for a parameter of one."""
 
 
 def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -208,10 +207,25 @@ def _contact(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _springs(model: Model) -> tuple[list[GroundSpring], list[GroundSpring]]:
-    """Return the identified springs to ground: none or two at points, and those along a stretch."""
-    identified = _identified_springs(model)
-    points = [spring for spring in identified if spring.length == 0.0]
-    distributed = [spring for spring in identified if spring.length > 0.0]
+    """Return the identified springs to ground: none or two at points, and those along a stretch.
+
+    They are on one part and at the same places in all assemblies. Springs that a cause has added are none of the model.
+    """
+    identified: dict[str, GroundSpring] = {}
+    stated = replace(model, unknowns=tuple(u for u in model.unknowns if not isinstance(u, CauseUnknown)))
+    for observation in model.observations:
+        for name, point in observation.assembly.attachments.items():
+            if isinstance(point, GroundSpring) and any(stated.has(f"{name}.{field}") for field in _STIFFNESSES):
+                spring = replace(point, name=name, part=point.part or next(iter(observation.assembly.elements)))
+                first = identified.setdefault(name, spring)
+                if any(getattr(spring, f) != getattr(first, f) for f in ("part", "position", "length", "weights")):
+                    raise UndecidableError(f"{name} has another place in another assembly")
+    if not identified:
+        raise UndecidableError("no spring to ground is identified")
+    if len({spring.part for spring in identified.values()}) > 1:
+        raise UndecidableError("the springs to ground are on several parts")
+    points = [spring for spring in identified.values() if spring.length == 0.0]
+    distributed = [spring for spring in identified.values() if spring.length > 0.0]
     if len(points) not in (0, 2) or (not distributed and len(points) != 2):
         raise UndecidableError("the stretch along which the springs to ground could act is unknown")
     return points, distributed
@@ -220,57 +234,22 @@ def _springs(model: Model) -> tuple[list[GroundSpring], list[GroundSpring]]:
 def _distribute(p: Mapping[str, Parameter], uneven: Iterable[str], model: Model, *, along: bool) -> Model:
     """Return the model with springs to ground in pieces.
 
-    Parameters
-    ----------
-    p : mapping of str to Parameter
-        The parameters of the cause.
-    uneven : iterable of str
-        Names of the parameters by which springs along a stretch differ from the model, where it has such springs.
-    model : Model
-        The model without it.
-    along : bool
-        Whether point springs, where the model has them, act between their points as well.
+    Springs along a stretch differ from the model by the parameters in `uneven`. If `along`, point springs act between
+    their points as well.
     """
     points, distributed = _springs(model)
-    stretches = _normalise([_divide(spring) for spring in distributed]) if distributed and uneven else []
     laid = [_lay_out(point, points, model) for point in points] if along else []
+    stretches = [_divide(spring, distributed) for spring in distributed] if uneven else []
     unknowns: list[Unknown] = []
     if laid:
         # As the springs along the stretch grow the point spring decreases: at both bounds the unknown is the whole.
-        growing = {piece.name: [-1.0] + [1.0] * SPRING_COUNT for piece in laid}
-        fading = {piece.name: [0.0, *(0.5 - x for x in piece.places[1:])] for piece in laid}
-        unknowns += [_redistribute(p["log_along"], laid, growing), _redistribute(p["fading"], laid, fading)]
+        unknowns.append(_redistribute(p["log_along"], laid, lambda i, x: 1.0 if i else -1.0))
+        unknowns.append(_redistribute(p["fading"], laid, lambda i, x: 0.5 - x if i else 0.0))
     if stretches:
-        shapes = {
-            "log_ends": {piece.name: [2.0 * x * x - 1.0 for x in piece.places] for piece in stretches},
-            "log_tilt": {piece.name: list(piece.places) for piece in stretches},
-        }
-        unknowns += [_redistribute(p[name], stretches, shapes[name]) for name in uneven]
+        unknowns += [_redistribute(p[name], stretches, _SHAPES[name]) for name in uneven]
     if not unknowns:
         raise UndecidableError("the springs to ground act elsewhere")
     return _replace_springs(model, [*laid, *stretches]).plus(*unknowns)
-
-
-def _identified_springs(model: Model) -> list[GroundSpring]:
-    """Return the springs to ground that are identified, on one part and at the same places in all assemblies.
-
-    Springs that a cause has added are none of the model.
-    """
-    found: dict[str, GroundSpring] = {}
-    stated = replace(model, unknowns=tuple(u for u in model.unknowns if not isinstance(u, CauseUnknown)))
-    for one in model.observations:
-        for name, point in one.assembly.attachments.items():
-            if isinstance(point, GroundSpring) and any(stated.has(f"{name}.{field}") for field in _STIFFNESSES):
-                spring = replace(point, name=name, part=point.part or next(iter(one.assembly.elements)))
-                place = (spring.part, spring.position, spring.length, spring.weights)
-                own = found.setdefault(name, spring)
-                if place != (own.part, own.position, own.length, own.weights):
-                    raise UndecidableError(f"{name} has another place in another assembly")
-    if not found:
-        raise UndecidableError("no spring to ground is identified")
-    if len({one.part for one in found.values()}) > 1:
-        raise UndecidableError("the springs to ground are on several parts")
-    return list(found.values())
 
 
 def _position(spring: GroundSpring, model: Model) -> float:
@@ -279,36 +258,28 @@ def _position(spring: GroundSpring, model: Model) -> float:
     return model.parts(spring.part)[0].length
 
 
-def _divide(spring: GroundSpring) -> _Pieces:
-    """Return a distributed spring in pieces, each with an equal number of its points."""
-    count = next((n for n in SPRING_PIECES if spring.points % n == 0), 0)
+def _divide(spring: GroundSpring, springs: Iterable[GroundSpring]) -> _Pieces:
+    """Return a distributed spring in pieces, each with an equal number of its points.
+
+    Their places are -1 at the start of the first one of all springs, and 1 at the end of the last one.
+    """
+    count = next((n for n in range(PIECES, 1, -1) if spring.points % n == 0), 0)
     if not count:
         raise UndecidableError(
-            f"{spring.name} has {spring.points} points, which cannot be divided into 2 to 6 equal groups"
+            f"{spring.name} has {spring.points} points, which cannot be divided into 2 to {PIECES} equal groups"
         )
-    each, length = spring.points // count, spring.length / count
+    each, length, begin = spring.points // count, spring.length / count, float(spring.position)
     weights = [spring.shares[i * each : (i + 1) * each] for i in range(count)]
     if any(sum(weight) == 0.0 for weight in weights):
         raise UndecidableError(f"{spring.name} has a piece without contact")
-    begin = float(spring.position)
-    springs = tuple(
+    pieces = tuple(
         replace(spring, position=begin + i * length, length=length, weights=weight, name=_piece_name(spring, i))
         for i, weight in enumerate(weights)
     )
-    return _Pieces(spring.name, springs, tuple(sum(own) for own in weights), (0.0,) * count)
-
-
-def _normalise(pieces: list[_Pieces]) -> list[_Pieces]:
-    """Return pieces with places from -1 at the start of the first piece to 1 at the end of the last one."""
-    springs = [spring for piece in pieces for spring in piece.springs]
-    first = min(float(spring.position) for spring in springs)
-    whole = max(float(spring.position) + spring.length for spring in springs) - first
-    return [
-        replace(
-            piece, places=tuple(2.0 * (float(s.position) + 0.5 * s.length - first) / whole - 1.0 for s in piece.springs)
-        )
-        for piece in pieces
-    ]
+    first = min(float(one.position) for one in springs)
+    whole = max(float(one.position) + one.length for one in springs) - first
+    places = tuple(2.0 * (float(piece.position) + 0.5 * piece.length - first) / whole - 1.0 for piece in pieces)
+    return _Pieces(pieces, tuple(sum(weight) for weight in weights), places)
 
 
 def _lay_out(spring: GroundSpring, both: list[GroundSpring], model: Model) -> _Pieces:
@@ -319,8 +290,8 @@ def _lay_out(spring: GroundSpring, both: list[GroundSpring], model: Model) -> _P
     first, last = sorted(_position(one, model) for one in both)
     if first == last:
         raise UndecidableError("the springs to ground act at the same point")
-    each = (last - first) / SPRING_COUNT
-    places = tuple((i + 0.5) / SPRING_COUNT for i in range(SPRING_COUNT))
+    each = (last - first) / PIECES
+    places = tuple((i + 0.5) / PIECES for i in range(PIECES))
     forward = _position(spring, model) == first
     springs = [
         replace(
@@ -331,22 +302,31 @@ def _lay_out(spring: GroundSpring, both: list[GroundSpring], model: Model) -> _P
             weights=(),
             name=_piece_name(spring, i + 1),
         )
-        for i in range(SPRING_COUNT)
+        for i in range(PIECES)
     ]
-    weights = [math.exp(-SPRING_DECAY * x) for x in places]
-    shares = (1.0, *(math.exp(SPRING_TRACE) * weight / sum(weights) for weight in weights))
-    return _Pieces(spring.name, (spring, *springs), shares, (0.0, *places))
+    # They decay to a tenth from one end to the other; at the null of the cause all are a thousandth of the spring.
+    weights = [math.exp(-2.3 * x) for x in places]
+    shares = (1.0, *(1e-3 * weight / sum(weights) for weight in weights))
+    return _Pieces((spring, *springs), shares, (0.0, *places))
 
 
 def _piece_name(spring: GroundSpring, number: int) -> str:
     return spring.name if number == 0 else f"cause_{spring.name}_{number}"
 
 
-def _replace_springs(model: Model, pieces: list[_Pieces]) -> Model:
+def _replace_springs(model: Model, pieces: Iterable[_Pieces]) -> Model:
     """Return the model with springs in pieces, and unknowns that still mean the whole spring."""
-    by_name = {piece.name: piece for piece in pieces}
-    changed = model.rebuild(partial(_divide_in, by_name))
-    return replace(changed, unknowns=tuple(_share(unknown, by_name) for unknown in model.unknowns))
+    by_name = {piece.springs[0].name: piece for piece in pieces}
+
+    def follow(address: str) -> dict[str, float]:
+        """Return a parameter of a spring as those of its pieces."""
+        name, _, field = address.partition(".")
+        if name not in by_name:
+            return {address: 1.0}
+        pairs = zip(by_name[name].springs, by_name[name].shares, strict=True)
+        return {f"{spring.name}.{field}": share if field in SPRING_TERMS else 1.0 for spring, share in pairs}
+
+    return with_places(model.rebuild(partial(_divide_in, by_name)), follow)
 
 
 def _divide_in(by_name: Mapping[str, _Pieces], assembly: Assembly) -> Assembly:
@@ -355,39 +335,20 @@ def _divide_in(by_name: Mapping[str, _Pieces], assembly: Assembly) -> Assembly:
         if name not in by_name or not isinstance(point, GroundSpring):
             points.append(point)
             continue
-        own = by_name[name]
-        for spring, share in zip(own.springs, own.shares, strict=True):
+        for spring, share in zip(by_name[name].springs, by_name[name].shares, strict=True):
             values = {field: share * getattr(point, field) for field in SPRING_TERMS}
             points.append(replace(spring, **values, loss_factor=point.loss_factor))
     return Assembly(named(assembly.elements).values(), points, motion=assembly.motion)
 
 
-def _share(unknown: Unknown, by_name: Mapping[str, _Pieces]) -> Unknown:
-    if isinstance(unknown, Move):
-        moves = dict(unknown.moves)
-        for address, n in unknown.moves.items():
-            moves |= dict.fromkeys(_other_pieces(address, by_name), n)
-        return replace(unknown, moves=moves)
-    name, field = unknown.address.partition(".")[::2]
-    if name not in by_name:
-        return unknown
-    shares = by_name[name].shares if field in SPRING_TERMS else (1.0,) * len(by_name[name].shares)
-    also = dict(zip(_other_pieces(unknown.address, by_name), shares[1:], strict=True))
-    return replace(unknown, multiple=shares[0], also=also)
-
-
-def _other_pieces(address: str, by_name: Mapping[str, _Pieces]) -> list[str]:
-    name, field = address.partition(".")[::2]
-    return [f"{spring.name}.{field}" for spring in by_name[name].springs[1:]] if name in by_name else []
-
-
-def _redistribute(parameter: Parameter, pieces: list[_Pieces], shape: Mapping[str, list[float]]) -> Move:
+def _redistribute(parameter: Parameter, pieces: list[_Pieces], shape: Callable[[int, float], float]) -> Move:
+    """Return the parameter as a change of springs, of which the logarithm is a function of number and place."""
     moves = {
         f"{spring.name}.{field}": weight
         for piece in pieces
-        for spring, weight in zip(piece.springs, shape[piece.name], strict=True)
+        for i, (spring, x) in enumerate(zip(piece.springs, piece.places, strict=True))
         for field in SPRING_TERMS
-        if weight
+        if (weight := shape(i, x))
     }
     return parameter.move(moves, relative=True)
 
@@ -402,10 +363,8 @@ RESONATOR_PARAMETERS = (
 BOUNDARY_CAUSES = (
     Cause(
         id="missing_mode",
-        title="missing mode",
-        group="structure",
         parameters=RESONATOR_PARAMETERS,
-        change=_missing_mode,
+        change=partial(resonances, place=_end_of_holder, where="at the holder's far end"),
         meaning="spindle or fixture has a mode that the model does not have",
         remedy="measure the spindle or the fixture alone at that frequency",
         remedy_in_spindle="hit a gauge blank in the warm spindle: a mode of spindle or machine is there as well",
@@ -414,7 +373,6 @@ BOUNDARY_CAUSES = (
     Cause(
         id="contact_distribution",
         title="distribution of the contact",
-        group="structure",
         parameters=(
             Parameter(name="log_ends", unit="", lower=-3.0, upper=3.0, typical=0.5, plausible=(-2.0, 2.0)),
             Parameter(name="log_tilt", unit="", lower=-3.0, upper=3.0, typical=0.5, plausible=(-2.0, 2.0)),
@@ -428,7 +386,6 @@ BOUNDARY_CAUSES = (
     Cause(
         id="spindle_mode",
         title="mode of the spindle",
-        group="structure",
         parameters=(
             Parameter(name="log_frequency", unit="", lower=-0.2, upper=0.2, typical=0.02, plausible=(-0.15, 0.15)),
             Parameter(name="log_damping", unit="", lower=-2.0, upper=2.0, typical=0.2, plausible=(-1.5, 1.5)),

@@ -159,8 +159,8 @@ class Parameter:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CauseUnknown(Unknown):
-    """An unknown that a cause adds; `parameter` is the one that it represents."""
+class _OfCause:
+    """What the unknowns of causes have in addition to others: `parameter` is the one that they represent."""
 
     parameter: Parameter
 
@@ -171,20 +171,18 @@ class CauseUnknown(Unknown):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CauseMove(Move):
-    """An unknown that a cause adds for several model parameters; `parameter` is the one that it represents."""
+class CauseUnknown(_OfCause, Unknown):
+    """An unknown that a cause adds."""
 
-    parameter: Parameter
 
-    @property
-    def unit(self) -> str:
-        """SI unit of its value, as declared."""
-        return self.parameter.unit
+@dataclass(frozen=True, kw_only=True)
+class CauseMove(_OfCause, Move):
+    """An unknown that a cause adds for several model parameters."""
 
 
 def parameters_of(unknowns: Iterable[Unknown]) -> dict[str, Parameter]:
     """Return the parameters of causes among unknowns, by the names of the unknowns."""
-    return {unknown.name: unknown.parameter for unknown in unknowns if isinstance(unknown, (CauseUnknown, CauseMove))}
+    return {unknown.name: unknown.parameter for unknown in unknowns if isinstance(unknown, _OfCause)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,7 +251,7 @@ class Variant:
             raise IndescribableError(error.reason) from error
         before = {unknown.name for unknown in model.unknowns}
         for unknown in extended.unknowns:
-            if unknown.name not in before and not isinstance(unknown, (CauseUnknown, CauseMove)):
+            if unknown.name not in before and not isinstance(unknown, _OfCause):
                 raise TypeError(
                     f"Cause {self.cause.id!r}: the unknown {unknown.name!r} of {self.name!r} is not made of one of its "
                     "parameters, expected Parameter.unknown(...) or Parameter.move(...)"
@@ -307,13 +305,13 @@ class Cause:
     """
 
     id: str
-    group: Group
     parameters: tuple[Parameter, ...]
     change: Callable[[Mapping[str, Parameter], Model], Iterable[Variant]]
     meaning: str
     remedy: str
     remedy_in_spindle: str = ""
     title: str = ""
+    group: Group = "structure"
     changes_data: bool = False
     large: bool = False
     unspecific: bool = False

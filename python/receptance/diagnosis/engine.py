@@ -10,7 +10,6 @@ from receptance import _checks
 from receptance.diagnosis.advice import ProposedMeasurement, advise
 from receptance.diagnosis.catalogue import resolve_causes
 from receptance.diagnosis.causes import Cause, extend
-from receptance.diagnosis.data import contradictions, select_lines, with_table_noise
 from receptance.diagnosis.discrepancy_search import select_with_discrepancy
 from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import DiscrepancyFit, fit_discrepancy, refit, sufficient
@@ -26,6 +25,7 @@ from receptance.diagnosis.held_out import (
     improvement_on,
 )
 from receptance.diagnosis.judgement import Judgement, conclude
+from receptance.diagnosis.measured_data import contradictions, select_lines, with_table_noise
 from receptance.diagnosis.model import Model, UndecidableError
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.search import select

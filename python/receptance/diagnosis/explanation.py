@@ -169,7 +169,7 @@ class Selection:
     tried: list[Explanation] = field(default_factory=list)
     """All explanations by several causes that were fitted, including those that are not better than one cause."""
     alternatives: list[Explanation] = field(default_factory=list)
-    """Changes that are not causes, see `receptance.diagnosis.alternatives`."""
+    """Changes that are not causes, see `receptance.diagnosis.catalogue`."""
     evaluations: int = 0
     """Number of evaluations of all observations with derivatives, on few lines or on all."""
     seconds: float = 0.0

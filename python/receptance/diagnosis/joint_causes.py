@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from receptance.diagnosis.causes import Cause, Parameter, Variant
+from receptance.diagnosis.changes import attach, overhangs_of, require_free, with_places
 from receptance.diagnosis.model import (
     SPRING_TERMS,
     IndescribableError,
@@ -25,13 +26,13 @@ from receptance.diagnosis.thresholds import (
     LAYER_POINTS,
     SAME_PLACE,
     SHORTENED,
-    SHORTEST_SPREAD,
+    START_LENGTH,
     VARIED,
 )
 from receptance.fit.observation import Observation, altered
-from receptance.fit.unknowns import Law, Move, Prior, Tolerance, Unknown, covered
+from receptance.fit.unknowns import Prior, covered
 from receptance.model.addresses import check_motion
-from receptance.model.anatomy import Anatomy, overhang_of
+from receptance.model.anatomy import Anatomy
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Part, Section, SpreadJoint
 from receptance.model.coordinates import Coordinate
@@ -64,14 +65,13 @@ def _part(joints: tuple[str, ...], name: str) -> str:
 
 def _cross_term(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     joints = _point_joints(model)
-    if any(model.has(f"{name}.k_ytheta") for name in joints):
-        raise UndecidableError("the coupling term is an unknown of the model already")
-    yield Variant("stiffness", partial(_add_cross_terms, p["k_ytheta"]))
+    require_free(model, (f"{name}.k_ytheta" for name in joints), "the coupling term")
+    yield Variant("stiffness", partial(_add_cross_terms, p["k_ytheta"], None))
     if _damped(joints, model):
-        yield Variant("stiffness and damping", partial(_add_cross_terms, p["k_ytheta"], damping=p["c_ytheta"]))
+        yield Variant("stiffness and damping", partial(_add_cross_terms, p["k_ytheta"], p["c_ytheta"]))
 
 
-def _add_cross_terms(stiffness: Parameter, model: Model, damping: Parameter | None = None) -> Model:
+def _add_cross_terms(stiffness: Parameter, damping: Parameter | None, model: Model) -> Model:
     joints = _point_joints(model)
     terms = [stiffness.unknown(f"{name}.k_ytheta", part=_part(joints, name)) for name in joints]
     if damping is not None:
@@ -86,9 +86,9 @@ def _damped(joints: tuple[str, ...], model: Model) -> list[str]:
 
 def _loss(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     require_joint(model)
-    _require_damping(model)
-    if any(model.has(address) for address in model.joint_addresses("loss_factor")):
-        raise UndecidableError("the loss factor is an unknown of the model already")
+    if not model.receptances and not any(observation.damped.size for observation in model.frequencies):
+        raise UndecidableError("natural frequencies alone do not show it; measure FRFs, or damping ratios")
+    require_free(model, model.joint_addresses("loss_factor"), "the loss factor")
     yield Variant("all stiffnesses", partial(_add_loss, p["loss_factor"]))
 
 
@@ -96,14 +96,8 @@ def _add_loss(parameter: Parameter, model: Model) -> Model:
     unknowns = []
     for name in model.joints:
         first, *others = model.addresses_of(name, "loss_factor")
-        part, also = _part(model.joints, name), dict.fromkeys(others, 1.0)
-        unknowns.append(parameter.unknown(first, part=part, also=also))
+        unknowns.append(parameter.unknown(first, part=_part(model.joints, name), also=dict.fromkeys(others, 1.0)))
     return model.plus(*unknowns)
-
-
-def _require_damping(model: Model) -> None:
-    if not model.receptances and not any(observation.damped.size for observation in model.frequencies):
-        raise UndecidableError("natural frequencies alone do not show it; measure FRFs, or damping ratios")
 
 
 def _values(model: Model, condition: str) -> list[float]:
@@ -121,29 +115,6 @@ def _is_varied(values: list[float]) -> bool:
     return bool(values) and min(values) > 0.0 and max(values) > VARIED * min(values)
 
 
-@dataclass(frozen=True)
-class _Condition:
-    """A condition on which a joint may depend, with the value at which the joint is that of the model."""
-
-    name: str
-    """Name of a condition of the observations; empty for the overhang that their assemblies have."""
-    reference: float
-
-    def address(self, model: Model) -> str:
-        """Return the name of the condition, or the address of the overhang."""
-        if self.name:
-            return self.name
-        if len(addresses := _overhangs(model)) != 1:
-            raise UndecidableError("the overhangs have different addresses in the assemblies")
-        return addresses.pop()
-
-
-def _overhangs(model: Model) -> set[str]:
-    """Return the addresses of the overhang in the assemblies."""
-    pairs = zip(model.observations, model.anatomies, strict=True)
-    return {overhang_of(observation.assembly, anatomy) for observation, anatomy in pairs}
-
-
 def _laws(p: Mapping[str, Parameter], model: Model, condition: str, *, prefix: str = "") -> Iterator[Variant]:
     """Yield power laws of a condition for the joint's stiffnesses and dampings, together and separately.
 
@@ -151,42 +122,45 @@ def _laws(p: Mapping[str, Parameter], model: Model, condition: str, *, prefix: s
     """
     values = _values(model, condition)
     reference = math.exp(sum(math.log(value) for value in values) / len(values))
-    along = _Condition("" if condition in _overhangs(model) else condition, reference)
+    add = partial(_add_laws, "" if condition in overhangs_of(model) else condition, reference)
     damped = any(model.has(a) for field in _DAMPINGS for a in model.joint_addresses(field))
     for fields in (("y",), ("theta",), ("y", "theta")):
         name = " and ".join(f"k_{field}" for field in fields)
         powers = {f"k_{field}": 1.0 for field in fields}
-        yield Variant(f"{prefix}{name}", partial(_add_law, p["exponent"], along, powers))
+        yield Variant(f"{prefix}{name}", partial(add, [(p["exponent"], powers)]))
         if damped:
             powers = powers | {f"c_{field}": -1.0 for field in fields}
-            yield Variant(f"{prefix}{name}, damping the other way", partial(_add_law, p["exponent"], along, powers))
-    yield Variant(f"{prefix}k_y and k_theta apart", partial(_add_laws, p, along, _STIFFNESSES))
+            yield Variant(f"{prefix}{name}, damping the other way", partial(add, [(p["exponent"], powers)]))
+    apart = [(p[field], {field: 1.0}) for field in (*_STIFFNESSES, *_DAMPINGS)]
+    yield Variant(f"{prefix}k_y and k_theta apart", partial(add, apart[: len(_STIFFNESSES)]))
     if damped:
-        yield Variant(f"{prefix}stiffness and damping apart", partial(_add_laws, p, along, (*_STIFFNESSES, *_DAMPINGS)))
+        yield Variant(f"{prefix}stiffness and damping apart", partial(add, apart))
 
 
-def _add_law(exponent: Parameter, along: _Condition, powers: Mapping[str, float], model: Model) -> Model:
-    """Return the model with fields of the joints that follow one law, each with a power of its own."""
+def _add_laws(
+    condition: str, reference: float, laws: Sequence[tuple[Parameter, Mapping[str, float]]], model: Model
+) -> Model:
+    """Return the model with fields of the joints that follow laws of a condition.
+
+    A law is an exponent, and the power of it for each field. Without a name the condition is the overhang of the
+    assemblies; the joint is that of the model at the reference.
+    """
     require_joint(model)
-    moves = {address: n for field, n in powers.items() for address in model.joint_addresses(field)}
-    return model.plus(exponent.move(moves, relative=True, of=along.address(model), reference=along.reference))
-
-
-def _add_laws(exponents: Mapping[str, Parameter], along: _Condition, fields: Iterable[str], model: Model) -> Model:
-    """Return the model with fields of the joints that follow laws with different exponents."""
-    require_joint(model)
-    for field in fields:
-        # A term that is zero and no unknown stays zero under any power.
-        if any(_is_present(model, address) for address in model.joint_addresses(field)):
-            model = _add_law(exponents[field], along, {field: 1.0}, model)
+    if not condition:
+        if len(addresses := overhangs_of(model)) != 1:
+            raise UndecidableError("the overhangs have different addresses in the assemblies")
+        (condition,) = addresses
+    for exponent, powers in laws:
+        moves = {address: n for field, n in powers.items() for address in model.joint_addresses(field)}
+        # Terms that are zero and no unknowns stay zero under any power.
+        if any(_is_present(model, address) for address in moves):
+            model = model.plus(exponent.move(moves, relative=True, of=condition, reference=reference))
     return model
 
 
 def _is_present(model: Model, address: str) -> bool:
-    return model.has(address) or any(
-        covered(address, observation.assembly) and observation.assembly.get(address)
-        for observation in model.observations
-    )
+    assemblies = [observation.assembly for observation in model.observations]
+    return model.has(address) or any(covered(address, own) and own.get(address) for own in assemblies)
 
 
 def _law_of(condition: str, missing: str, p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -200,7 +174,7 @@ def _law_of(condition: str, missing: str, p: Mapping[str, Parameter], model: Mod
 def _condition_law(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     require_joint(model)
     names = dict.fromkeys(name for one in model.observations for name in one.conditions)
-    lengths = _overhangs(model)
+    lengths = overhangs_of(model)
     conditions = [name for name in names if name not in ("force", "plane") and ".segment[" not in name]
     if "overhang" not in names and len(lengths) == 1:
         conditions += lengths
@@ -236,7 +210,7 @@ def _put_collet_on(side: str, mass: Parameter, model: Model) -> Model:
         points = [replace(collet, part=anatomy.holder[0], position=0.0) for anatomy in anatomies]
     else:
         raise IndescribableError("data instead of a holder have no place for a mass")
-    return model.attach(*dict.fromkeys(points)).plus(mass.unknown("cause_collet.mass"))
+    return attach(model, points, {"mass": mass})
 
 
 def _put_collet_between(p: Mapping[str, Parameter], model: Model) -> Model:
@@ -251,28 +225,13 @@ def _put_collet_between(p: Mapping[str, Parameter], model: Model) -> Model:
     (joint,), (tool,) = joints, tools
     diameter = min(part.segments[-1].outer_diameter for part in model.parts(tool))
 
-    def halves(moves: Mapping[str, float]) -> dict[str, float]:
-        """Return moves of the joint's fields as moves of both springs."""
-        return {half: n for address, n in moves.items() for half in _halves(address, joint)}
+    def halves(address: str) -> dict[str, float]:
+        """Return a parameter of the joint as those of two equal springs: each is twice as stiff as both in series."""
+        own, _, field = address.partition(".")
+        names = (f"{joint}.inner.{field}", f"{joint}.outer.{field}") if own == joint else (address,)
+        return dict.fromkeys(names, 2.0 if own == joint and field in SPRING_TERMS else 1.0)
 
-    unknowns = []
-    for unknown in model.unknowns:
-        own, field = unknown.address.partition(".")[::2]
-        if isinstance(unknown, Law):
-            unknown = replace(unknown, follows=halves(unknown.follows))
-        if isinstance(unknown, Move):
-            unknown = replace(unknown, moves=halves(unknown.moves))
-        elif own == joint:
-            # Each of two equal springs is twice as stiff as both in series; their loss factor is the same.
-            times = 1.0 if field == "loss_factor" else 2.0
-            inner, outer = _halves(unknown.address, joint)
-            unknown = replace(unknown, address=inner, name=unknown.name, multiple=times, also={outer: times})
-        unknowns.append(unknown)
-    changed = replace(
-        model.rebuild(partial(_with_collet, joint)),
-        unknowns=tuple(unknowns),
-        tolerances=tuple(replace(tolerance, moves=halves(tolerance.moves)) for tolerance in model.tolerances),
-    )
+    changed = with_places(model.rebuild(partial(_with_collet, joint)), halves)
     inertia = f"{joint}.inertia"
     mass = p["mass"].unknown(f"{joint}.mass", also={inertia: (COLLET_GYRATION * diameter) ** 2})
     shape = p["log_inertia"].move({inertia: 1.0}, relative=True)
@@ -293,12 +252,6 @@ def _with_collet(joint: str, assembly: Assembly) -> Assembly:
     return Assembly(elements.values(), named(assembly.attachments).values(), motion=assembly.motion)
 
 
-def _halves(address: str, joint: str) -> tuple[str, ...]:
-    """Return an address with a field of the joint as those of the two springs of a collet."""
-    own, _, field = address.partition(".")
-    return (f"{joint}.inner.{field}", f"{joint}.outer.{field}") if own == joint else (address,)
-
-
 _LAYERS = ((None, False), (2, False), (4, False), (2, True), (4, True), (LAYER_POINTS, True))
 """Numbers of points along a spread joint, None for a layer, and whether it is uneven."""
 
@@ -307,8 +260,8 @@ def _spread(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     for points, is_uneven in _LAYERS:
         name = "layer" if points is None else f"{points} points{', uneven' if is_uneven else ''}"
         slope = p["slope"] if is_uneven else None
-        yield Variant(name, partial(_spread_partly, points, p["length"], slope))
-        yield Variant(f"{name} over the whole insertion", partial(_spread_wholly, points, slope), far=True)
+        yield Variant(name, partial(_spread_over, points, p["length"], slope))
+        yield Variant(f"{name} over the whole insertion", partial(_spread_over, points, None, slope), far=True)
 
 
 def _anatomy_to_spread(model: Model) -> Anatomy:
@@ -323,41 +276,48 @@ def _anatomy_to_spread(model: Model) -> Anatomy:
     return anatomies.pop()
 
 
-def _spread_partly(points: int | None, length: Parameter, slope: Parameter | None, model: Model) -> Model:
-    """Return the model with a joint that is spread from the mouth to an unknown depth."""
+def _spread_over(points: int | None, length: Parameter | None, slope: Parameter | None, model: Model) -> Model:
+    """Return the model with a joint that is spread from the mouth to an unknown depth, or over the whole insertion."""
     anatomy = _anatomy_to_spread(model)
     fixed = model.with_change(_fix_places, anatomy)
-    spread = _spread_model(fixed, anatomy, points, whole=False)
-    unknowns, tolerances = (_follow_contact(moving, anatomy) for moving in (fixed.unknowns, fixed.tolerances))
+    joint, tool, holder = anatomy.joint, anatomy.tool[-1], anatomy.holder[0]
+    if length is None and min(model.places(holder), default=math.inf) < _mouth(model, anatomy):
+        raise IndescribableError(f"a coordinate or an attachment is on {holder} within the insertion")
+    spread = _spread_model(fixed, anatomy, points, whole=length is None)
+    first, contact = f"{holder}.segment[0].length", f"{joint}.length"
+    last = str(len(fixed.parts(tool)[0].segments) - 1)
+
+    def follow(address: str) -> dict[str, float]:
+        """Return the parameters in the place of one: shank and sleeve of the joint are of tool and holder.
+
+        Along the whole insertion the joint leaves `START_LENGTH` of the holder's first segment, which most errors
+        would make negative, so that the contact becomes longer; and no shank is bonded into the holder.
+        """
+        if length is None and address == first:
+            return {contact: 1.0}
+        part, _, rest = address.partition(".segment[")
+        index, _, field = rest.partition("].")
+        if field.startswith("core.") and not any(covered(address, own.assembly) for own in spread.observations):
+            return {}
+        addresses = [address]
+        if field and field != "length" and not field.startswith("core."):
+            if part == tool and index in ("*", last):
+                addresses.append(f"{joint}.shank.{field}")
+            elif part == holder and index in ("*", "0") and field != "inner_diameter":
+                addresses.append(f"{joint}.sleeve.{field}")
+        return dict.fromkeys(addresses, 1.0)
+
+    spread = with_places(spread, follow)
+    added = [] if slope is None else [slope.unknown(f"{joint}.slope")]
+    if length is None:
+        return spread.plus(*added)
     longest = min(length.upper, SHORTENED * _mouth(fixed, anatomy))
-    lengths = {f"{anatomy.joint}.length": 1.0, f"{anatomy.holder[0]}.segment[0].length": -1.0}
-    added = [length.move(lengths, upper=longest - SHORTEST_SPREAD), *_slope(slope, anatomy)]
-    return replace(spread, unknowns=tuple(unknowns), tolerances=tuple(tolerances)).plus(*added)
-
-
-def _spread_wholly(points: int | None, slope: Parameter | None, model: Model) -> Model:
-    """Return the model with a joint that is spread over the whole insertion."""
-    anatomy = _anatomy_to_spread(model)
-    fixed = model.with_change(_fix_places, anatomy)
-    if min(model.places(anatomy.holder[0]), default=math.inf) < _mouth(model, anatomy):
-        raise IndescribableError(f"a coordinate or an attachment is on {anatomy.holder[0]} within the insertion")
-    spread = _spread_model(fixed, anatomy, points, whole=True)
-    unknowns, tolerances = (
-        _restrict(_lengthen_contact(_follow_contact(moving, anatomy), anatomy), spread)
-        for moving in (fixed.unknowns, fixed.tolerances)
-    )
-    return replace(spread, unknowns=unknowns, tolerances=tolerances).plus(*_slope(slope, anatomy))
-
-
-def _slope(slope: Parameter | None, anatomy: Anatomy) -> list[Unknown]:
-    return [] if slope is None else [slope.unknown(f"{anatomy.joint}.slope")]
+    return spread.plus(length.move({contact: 1.0, first: -1.0}, upper=longest - START_LENGTH), *added)
 
 
 def _mouth(model: Model, anatomy: Anatomy) -> float:
-    """Return the length in m of the holder's first segment, the shortest one of all assemblies."""
-    owners = [
-        observation.assembly for observation in model.observations if anatomy.joint in observation.assembly.elements
-    ]
+    """Return the length in m of the holder's first segment, the shortest one of all assemblies with the joint."""
+    owners = [own.assembly for own in model.observations if anatomy.joint in own.assembly.elements]
     return min(part_of(owner, anatomy.holder[0]).segments[0].length for owner in owners)
 
 
@@ -370,7 +330,7 @@ def _fix_places(model: Model, anatomy: Anatomy) -> Model:
     holder = anatomy.holder[0]
     steps = model.steps(holder)
     for place in model.places(holder):
-        if place <= 2.0 * SHORTEST_SPREAD:
+        if place <= 2.0 * START_LENGTH:
             raise IndescribableError(
                 f"a coordinate or an attachment is on {holder} at {1e3 * place:g} mm, within the contact of a spread "
                 "joint, where the model has no node"
@@ -397,31 +357,6 @@ def _spread_model(model: Model, anatomy: Anatomy, points: int | None, *, whole: 
     return model.rebuild(build).map(change)
 
 
-def _lengthen_contact(moving: Iterable[Any], anatomy: Anatomy) -> Iterator[Any]:
-    """Yield unknowns or tolerances that move the length of the contact instead of the holder's first segment.
-
-    A joint along the whole insertion leaves `SHORTEST_SPREAD` of that segment, which most errors would make negative.
-    """
-    first, contact = f"{anatomy.holder[0]}.segment[0].length", f"{anatomy.joint}.length"
-    for one in moving:
-        if isinstance(one, (Move, Tolerance)):
-            one = replace(one, moves={contact if a == first else a: n for a, n in one.moves.items()})
-        yield one
-
-
-def _restrict(moving: Iterable[Any], model: Model) -> tuple[Any, ...]:
-    """Return unknowns or tolerances that move only addresses that the model has."""
-    kept = []
-    for one in moving:
-        if isinstance(one, (Move, Tolerance)):
-            moves = {a: n for a, n in one.moves.items() if any(covered(a, o.assembly) for o in model.observations)}
-            if not moves:
-                continue
-            one = replace(one, moves=moves)
-        kept.append(one)
-    return tuple(kept)
-
-
 def _spread_joint(assembly: Assembly, anatomy: Anatomy, points: int | None, whole: bool) -> Assembly:
     elements = named(assembly.elements)
     if anatomy.joint not in elements:
@@ -432,14 +367,11 @@ def _spread_joint(assembly: Assembly, anatomy: Anatomy, points: int | None, whol
     bore = max(first.inner_diameter, last.outer_diameter)
     if bore >= first.outer_diameter:
         raise UndecidableError("the holder's mouth is narrower than the shank")
-    shank = Section(
-        outer_diameter=last.outer_diameter, inner_diameter=last.inner_diameter, material=last.material, shear=last.shear
-    )
-    sleeve = Section(
-        outer_diameter=first.outer_diameter, inner_diameter=bore, material=first.material, shear=first.shear
-    )
+    fields = ("outer_diameter", "inner_diameter", "material", "shear")
+    shank, sleeve = (Section(**{field: getattr(segment, field) for field in fields}) for segment in (last, first))
+    sleeve = replace(sleeve, inner_diameter=bore)
     held = {name: getattr(joint, name) for name in (*_STIFFNESSES, *_DAMPINGS, "loss_factor")}
-    length = first.length - SHORTEST_SPREAD if whole else SHORTEST_SPREAD
+    length = first.length - START_LENGTH if whole else START_LENGTH
     layer = SpreadJoint(length=length, shank=shank, sleeve=sleeve, points=points, name=anatomy.joint, **held)
     elements[anatomy.joint] = layer
     # Where the joint is spread over the whole insertion, no shank is bonded into the holder.
@@ -457,27 +389,6 @@ def _shift(point: _Placed, anatomy: Anatomy, length: float) -> _Placed:
     return replace(point, position=point.position - length)
 
 
-def _follow_contact(moving: Iterable[Any], anatomy: Anatomy) -> Iterator[Any]:
-    """Yield unknowns or tolerances that move the shank and the sleeve of the spread joint with tool and holder."""
-    for each in moving:
-        yield replace(each, moves=_extend_moves(each.moves, anatomy)) if isinstance(each, (Move, Tolerance)) else each
-
-
-def _extend_moves(moves: Mapping[str, float], anatomy: Anatomy) -> dict[str, float]:
-    """Return moves of tool and holder that include the shank and the sleeve of the spread joint."""
-    result = dict(moves)
-    for address, n in moves.items():
-        part, _, rest = address.partition(".segment[")
-        field = rest.partition("].")[2]
-        if field in ("", "length") or field.startswith("core."):
-            continue
-        if part == anatomy.tool[-1]:
-            result[f"{anatomy.joint}.shank.{field}"] = n
-        elif part == anatomy.holder[0] and rest[0] in "*0" and field != "inner_diameter":
-            result[f"{anatomy.joint}.sleeve.{field}"] = n
-    return result
-
-
 _EXPONENTS = tuple(
     Parameter(name=name, unit="", lower=-4.0, upper=4.0, typical=-0.3, plausible=(-2.5, 2.5))
     for name in ("exponent", *_STIFFNESSES, *_DAMPINGS)
@@ -487,7 +398,6 @@ JOINT_CAUSES = (
     Cause(
         id="joint_cross_term",
         title="coupling term of the joint",
-        group="structure",
         parameters=(
             Parameter(name="k_ytheta", unit="N/rad", lower=-1e9, upper=1e9, typical=1e5),
             Parameter(name="c_ytheta", unit="N s/rad", lower=-1e4, upper=1e4, typical=1e-2),
@@ -499,9 +409,8 @@ JOINT_CAUSES = (
     Cause(
         id="joint_spread",
         title="joint along the insertion",
-        group="structure",
         parameters=(
-            Parameter(name="length", unit="m", lower=0.0, upper=0.08, typical=0.02, plausible=(0.0, 0.08)),
+            Parameter(name="length", unit="m", lower=0.0, upper=0.08, typical=0.02),
             Parameter(name="slope", unit="", lower=-0.99, upper=0.99, typical=-0.3, secondary=True),
         ),
         change=_spread,
@@ -511,7 +420,6 @@ JOINT_CAUSES = (
     Cause(
         id="joint_hysteretic_loss",
         title="hysteretic loss in the joint",
-        group="structure",
         parameters=(Parameter(name="loss_factor", unit="", lower=0.0, upper=1.0, typical=0.02, plausible=(0.0, 0.3)),),
         change=_loss,
         meaning="the joint loses energy by friction or in its material: damping does not grow with frequency",
@@ -520,7 +428,6 @@ JOINT_CAUSES = (
     Cause(
         id="joint_amplitude",
         title="joint that depends on the amplitude",
-        group="structure",
         parameters=_EXPONENTS,
         change=partial(
             _law_of,
@@ -534,7 +441,6 @@ JOINT_CAUSES = (
     Cause(
         id="joint_overhang_law",
         title="joint that depends on overhang or torque",
-        group="structure",
         parameters=_EXPONENTS,
         change=_condition_law,
         meaning="the joint changes with overhang, torque or pre-force, and the model has one joint for all",
@@ -543,7 +449,6 @@ JOINT_CAUSES = (
     Cause(
         id="xy_asymmetry",
         title="different joints in x and y",
-        group="structure",
         parameters=_EXPONENTS,
         change=partial(
             _law_of,
@@ -556,7 +461,6 @@ JOINT_CAUSES = (
     Cause(
         id="collet_mass",
         title="mass of the collet",
-        group="structure",
         parameters=(
             Parameter(name="mass", unit="kg", lower=0.0, upper=1.0, typical=0.03, plausible=(0.0, 0.5)),
             Parameter(name="split", unit="", lower=-2.0, upper=2.0, typical=0.0, secondary=True),

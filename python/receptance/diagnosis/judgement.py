@@ -51,7 +51,7 @@ def conclude(selection: Selection) -> Judgement:
     4. Implausible explanations are vetoed, with a note, if a plausible one is reported. A single explanation whose only
        fault is an unusual size is reported and suspected: a simplified drawing or a stated value may be that wrong, and
        an effect outside the catalogue may act in its place. If no explanation is left: unexplained.
-    5. If an alternative has more evidence, see `receptance.diagnosis.alternatives`: unexplained.
+    5. If an alternative has more evidence, see `receptance.diagnosis.catalogue`: unexplained.
     6. If one explanation is left: named. It is only suspected near the detection limit, where it strains the tolerances
        beyond the 1 % level, where an alternative has as much evidence, or where the data are not sufficient: there is
        one configuration or one mode, a cause that should act everywhere shows in one configuration, or several causes

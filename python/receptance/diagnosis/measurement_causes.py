@@ -14,7 +14,7 @@ import numpy as np
 
 from receptance._text import join_names
 from receptance.diagnosis.causes import Cause, Parameter, Variant
-from receptance.diagnosis.end_of_records import best_end
+from receptance.diagnosis.changes import Scope, add, move, moved_step, require_free, require_receptances, scopes_of
 from receptance.diagnosis.model import (
     IndescribableError,
     Model,
@@ -23,25 +23,24 @@ from receptance.diagnosis.model import (
     require_no_table,
     with_points,
 )
-from receptance.diagnosis.scopes import Scope, scopes_of
 from receptance.diagnosis.thresholds import (
-    HIT_BOUND,
-    HIT_STEP,
     LARGE_SIZE,
     SAME_PLACE,
     SENSOR_SHARE,
     SHORTENED,
+    START_LENGTH,
     SUSPENSION_PLACES,
+    TIP_STEP,
 )
-from receptance.diagnosis.truncation import ALL_RECORDS
+from receptance.diagnosis.truncation import ALL_RECORDS, best_end
 from receptance.fit.observation import Observation, altered
 from receptance.fit.parameters import DECAY_RATES, DELAY, END, FREQUENCY_OFFSETS, LOG_GAIN
 from receptance.fit.unknowns import Prior
-from receptance.model.addresses import QUANTITIES, edges_of
+from receptance.model.addresses import QUANTITIES
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring, PointMass
 from receptance.report.table import amount
-from receptance.units import FORMS
+from receptance.units import FORMS, powers_of
 
 _NOT_COMPLEX = "which has no values at the complex frequencies of a window: describe that part by modes"
 _TIMES = {1: "once", 2: "twice"}
@@ -49,23 +48,10 @@ _EARLIEST, _LATEST = 0.8, 1.1
 """Bounds of the end of truncated records, as multiples of the end that the lines show."""
 Place = tuple[str, float | Literal["end"]]
 """A part and a position on it, in m from its start."""
+_BESIDE = 0.5 * TIP_STEP
+"""Distance in m of a hit from a place that something else needs: it is moved along flutes as well."""
 _RECORDED = ("displacements", "velocities", "accelerations")
 """Quantities of a record in the order of time derivatives."""
-_POWERS = {
-    **dict.fromkeys(("", "m", "rad"), (0.0, 0.0)),
-    **dict.fromkeys(("kg", "kg m^2", "kg/m^3"), (1.0, 0.0)),
-    **dict.fromkeys(("Pa", "N/m", "N m/rad", "N/rad"), (1.0, -2.0)),
-    **dict.fromkeys(("N s/m", "N m s/rad", "N s/rad"), (1.0, -1.0)),
-    **dict.fromkeys(("1/kg**0.5", "rad/(m*kg**0.5)"), (-0.5, 0.0)),
-    **dict.fromkeys(("m/N", "rad/(N m)", "m/(N m)"), (-1.0, 2.0)),
-    "Hz": (0.0, -1.0),
-}
-"""Powers of mass and time in the units of parameters."""
-
-
-def _require_receptances(model: Model) -> None:
-    if not model.receptances:
-        raise UndecidableError("natural frequencies alone do not show it; measure FRFs")
 
 
 def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -75,13 +61,9 @@ def _sensor(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         f"the mass at the sensor exceeds the stated {stated} by this size; below zero the stated one is too large by it"
     )
     weigh = f"correct the stated {stated}: weigh the sensor with its adapter, wax and cable; a laser has no mass"
+    meaning, remedy = (more, weigh) if stated else ("", "")
     for scope in scopes_of(model):
-        yield Variant(
-            scope.name,
-            partial(_add_sensor, p["mass"], scope),
-            meaning=more if stated else "",
-            remedy=weigh if stated else "",
-        )
+        yield Variant(scope.name, partial(_add_sensor, p["mass"], scope), meaning=meaning, remedy=remedy)
 
 
 def _add_sensor(mass: Parameter, scope: Scope, model: Model) -> Model:
@@ -91,18 +73,13 @@ def _add_sensor(mass: Parameter, scope: Scope, model: Model) -> Model:
     heaviest = max(sum(model.parts(name)[0].mass for name in tool) for tool in tools)
     largest = max(SENSOR_SHARE * heaviest, mass.plausible[1])
     mass = replace(mass, plausible=(0.0, largest), upper=max(mass.upper, LARGE_SIZE * largest))
-    masses = [
-        _masses_at_response(observation)
-        for observation in model.observations
-        if scope == Scope() or scope.has(observation)
-    ]
+    masses = [_masses_at_response(one) for one in model.observations if scope == Scope() or scope.has(one)]
     changed = model.with_change(_with_sensors)
     if not any(masses):
         return changed.plus(mass.unknown("cause_sensor.mass", **scope.limits(model)))
     # Where a mass is stated it is the one that changes, so that it ends at zero.
     addresses = {f"{name}.mass": 1.0 for stated in masses for name in stated}
-    if any(map(model.has, addresses)):
-        raise UndecidableError("the mass of the sensor is an unknown of the model already")
+    require_free(model, addresses, "the mass of the sensor")
     if all(masses):
         least = min(max(stated.values()) for stated in masses)
         mass = replace(mass, lower=-least, plausible=(-least, largest))
@@ -112,15 +89,16 @@ def _add_sensor(mass: Parameter, scope: Scope, model: Model) -> Model:
 
 
 def _with_sensors(model: Model) -> Model:
-    return model.map(_with_sensor).with_shared_assemblies()
+    """Return the model with a point for a mass at the sensors of all records where none is stated."""
 
+    def add_point(observation: Observation) -> Observation:
+        if _masses_at_response(observation):
+            return observation
+        place = observation.response if observation.is_receptance else Coordinate()
+        point = PointMass(mass=0.0, part=place.part, position=place.position, name="cause_sensor")
+        return altered(observation, assembly=with_points(observation.assembly, point))
 
-def _with_sensor(observation: Observation) -> Observation:
-    if _masses_at_response(observation):
-        return observation
-    place = observation.response if observation.is_receptance else Coordinate()
-    point = PointMass(mass=0.0, part=place.part, position=place.position, name="cause_sensor")
-    return altered(observation, assembly=with_points(observation.assembly, point))
+    return model.map(add_point).with_shared_assemblies()
 
 
 def _masses_at_response(observation: Observation) -> dict[str, float]:
@@ -138,7 +116,7 @@ def _masses_at_response(observation: Observation) -> dict[str, float]:
 
 
 def _offset(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _require_receptances(model)
+    require_receptances(model)
     places = dict.fromkeys(map(_place_of_hit, model.witnesses or model.observations))
     hits = [(part, float(position)) for part, position in filter(None, places) if position != "end"]
     if not hits:
@@ -146,17 +124,12 @@ def _offset(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     for place in hits:
         part, position = place
         name = f"on {part} at {1e3 * position:g} mm"
-        sides = {name: 0.0 if position else HIT_STEP}
+        sides = {name: 0.0 if position else _BESIDE}
         if position and any(abs(other - position) < SAME_PLACE for other in _fixed_places(model, place)):
-            sides = {f"{name}, nearer to the tip": -HIT_STEP, f"{name}, farther from the tip": HIT_STEP}
+            sides = {f"{name}, nearer to the tip": -_BESIDE, f"{name}, farther from the tip": _BESIDE}
         for scope in scopes_of(model, partial(_is_hit_at, place)):
             for side, step in sides.items():
-                yield Variant(_within(side, scope), partial(_move_hits, p["distance"], scope, place, step))
-
-
-def _within(name: str, scope: Scope) -> str:
-    """Return the name of a way of acting in some records; that of all records is not mentioned."""
-    return name if scope == Scope() else f"{name}, {scope.name}"
+                yield Variant(scope.within(side), partial(_move_hits, p["distance"], scope, place, step))
 
 
 def _place_of_hit(observation: Observation) -> tuple[str, float | Literal["end"]] | None:
@@ -189,39 +162,34 @@ def _move_hits(distance: Parameter, scope: Scope, place: tuple[str, float], side
     """
     part, at = place[0], place[1] + side
     fixed = _fixed_places(model, place)
-    below = max((x for x in fixed if x < at - HIT_BOUND), default=0.0)
-    above = min((x for x in fixed if x > at + HIT_BOUND), default=math.inf)
-    lower = 0.0 if side > 0.0 else max(distance.lower, below - at + HIT_STEP)
-    upper = 0.0 if side < 0.0 else min(distance.upper, above - at - HIT_STEP)
+    below = max((x for x in fixed if x < at - START_LENGTH), default=0.0)
+    above = min((x for x in fixed if x > at + START_LENGTH), default=math.inf)
+    lower = 0.0 if side > 0.0 else max(distance.lower, below - at + _BESIDE)
+    upper = 0.0 if side < 0.0 else min(distance.upper, above - at - _BESIDE)
     if lower >= upper:
         raise IndescribableError(f"the hits on {part} at {1e3 * place[1]:g} mm have no room to be moved")
     on_step = model.with_change(_with_hits_on_step, place, at)
-    index = int(np.argmin(np.abs(np.subtract(edges_of(on_step.parts(part)[0]), at))))
-    lengths = {f"{part}.segment[{index - 1}].length": 1.0, f"{part}.segment[{index}].length": -1.0}
-    return on_step.plus(distance.move(lengths, lower=lower, upper=upper, **scope.limits(model)))
+    moved = distance.move(moved_step(on_step, part, at), lower=lower, upper=upper, **scope.limits(model))
+    return on_step.plus(moved)
 
 
 def _with_hits_on_step(model: Model, place: tuple[str, float], at: float) -> Model:
     """Return the model with a step at a position, and with the hits at a place on it."""
 
-    def move(observation: Observation) -> Observation:
+    def to_step(observation: Observation) -> Observation:
         if not _is_hit_at(place, observation):
             return observation
         return altered(observation, excitation=replace(observation.excitation, part=place[0], position=at))
 
-    return model.split(place[0], at)[0].map(move)
+    return model.split(place[0], at)[0].map(to_step)
 
 
 def _chain(address: str, p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     """Yield a parameter of the measuring chain in each scope."""
-    _require_receptances(model)
+    require_receptances(model)
     (parameter,) = p.values()
     for scope in scopes_of(model):
-        yield Variant(scope.name, partial(_add_unknown, parameter, address, scope))
-
-
-def _add_unknown(parameter: Parameter, address: str, scope: Scope, model: Model) -> Model:
-    return model.plus(parameter.unknown(address, **scope.limits(model)))
+        yield Variant(scope.name, partial(add, {address: parameter}, scope))
 
 
 def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -238,11 +206,11 @@ def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         return
     offsets = {integrations: address for address, integrations in FREQUENCY_OFFSETS.items()}
     for scope, number in _by_recorded(model):
-        name = _within(f"in {_RECORDED[number]}", scope)
+        name = scope.within(f"in {_RECORDED[number]}")
         yield Variant(name, partial(_scale_time, p["log_scale"], 2.0 - number, scope))
     for scope, number in _by_recorded(model):
         yield Variant(
-            _within(f"a constant, in {_RECORDED[number]}", scope),
+            scope.within(f"a constant, in {_RECORDED[number]}"),
             partial(_shift_lines, p["offset"], offsets[number], scope),
             meaning="the frequency axis is off by a constant, half a line for example",
             remedy="compare the first lines of the file with those of the analyser, and its spacing with 1 / duration",
@@ -252,7 +220,7 @@ def _scale(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 def _shift_lines(offset: Parameter, address: str, scope: Scope, model: Model) -> Model:
     if any(record.force is not None or record.ends is not None for record in model.receptances):
         raise UndecidableError("the lines of a stepped sine, and of a record that ends too early, have no offset")
-    return _add_unknown(offset, address, scope, model)
+    return add({address: offset}, scope, model)
 
 
 def _by_recorded(model: Model) -> Iterator[tuple[Scope, int]]:
@@ -269,14 +237,13 @@ def _scale_time(scale: Parameter, mass: float, scope: Scope, model: Model) -> Mo
         for observation in model.observations
         for address in observation.assembly.parameters
     )
-    powers = {address: _POWERS[QUANTITIES[address.rpartition(".")[2]].unit] for address in addresses}
-    moves = {address: of_time + mass * of_mass for address, (of_mass, of_time) in powers.items()}
-    moves = {address: n for address, n in moves.items() if n}
-    return model.plus(scale.move(moves, relative=True, **scope.limits(model)))
+    powers = {address: powers_of(QUANTITIES[address.rpartition(".")[2]].unit) for address in addresses}
+    moves = {a: n for a, of in powers.items() if (n := of.get("time", 0.0) + mass * of.get("mass", 0.0))}
+    return move(scale, moves, scope, model)
 
 
 def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _require_receptances(model)
+    require_receptances(model)
     require_no_table(model, f"{_NOT_COMPLEX}, or repeat one measurement without a window")
     rate, meaning = p["decay_rate"], ""
     # A window that was not applied, or has another rate, is stated in the lines.
@@ -289,22 +256,21 @@ def _window(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         )
     addresses = {integrations: address for address, integrations in DECAY_RATES.items()}
     for scope, number in _by_recorded(model):
-        name = _within(f"on {_RECORDED[number]}", scope)
-        yield Variant(name, partial(_add_unknown, rate, addresses[number], scope), meaning=meaning)
+        name = scope.within(f"on {_RECORDED[number]}")
+        yield Variant(name, partial(add, {addresses[number]: rate}, scope), meaning=meaning)
 
 
 def _suspension(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     what = "holder" if model.joints else "structure"
-    hang = partial(_hang, p["stiffness"], p["distance"])
     for share in SUSPENSION_PLACES:
         name = f"near {100 * share:.0f} % of the {what}"
-        yield Variant(name, partial(hang, (share,)))
+        yield Variant(name, partial(_hang, p, (share,), False))
         # Without the damping of a rope another cause would explain its loss.
-        yield Variant(f"{name}, with a loss", partial(hang, (share,), damping=p["damping"]))
+        yield Variant(f"{name}, with a loss", partial(_hang, p, (share,), True))
     # Ropes at the ends cannot move, and act on a stiff holder as two others between them do.
     for pair in combinations(SUSPENSION_PLACES[1:-1], 2):
         name = f"near {100 * pair[0]:.0f} % and {100 * pair[1]:.0f} % of the {what}, with a loss"
-        yield Variant(name, partial(hang, pair, damping=p["damping"]))
+        yield Variant(name, partial(_hang, p, pair, True))
 
 
 def _hanging(model: Model) -> dict[str, float]:
@@ -318,13 +284,7 @@ def _hanging(model: Model) -> dict[str, float]:
     return {name: model.parts(name)[0].length for name in hanging.pop()}
 
 
-def _hang(
-    stiffness: Parameter,
-    distance: Parameter,
-    shares: Sequence[float],
-    model: Model,
-    damping: Parameter | None = None,
-) -> Model:
+def _hang(p: Mapping[str, Parameter], shares: Sequence[float], with_loss: bool, model: Model) -> Model:
     """Return the model on ropes near shares of the length of the parts that hang; they have one damping."""
     lengths = _hanging(model)
     places = tuple(_at(lengths, share) for share in shares)
@@ -332,20 +292,20 @@ def _hang(
     reach = sum(lengths.values()) / (len(SUSPENSION_PLACES) - 1)
     for i, place in enumerate(places):
         part = f"of rope {i + 1}" if len(places) > 1 else ""
-        hung = hung.plus(stiffness.unknown(f"{_rope(i)}.k_y", part=part))
+        hung = hung.plus(p["stiffness"].unknown(f"{_rope(i)}.k_y", part=part))
         lower, upper = _room(model, place, places)
         if lower < upper:
             # The place is a step between two segments of one section, which the parameter moves. All places of one rope
             # are about equally likely: the priors of neighbouring variants add up to a nearly constant density. Of two
             # ropes the places are free parameters, because these act as one would anywhere between them.
-            index = int(np.argmin(np.abs(np.subtract(edges_of(hung.parts(place[0])[0]), float(place[1])))))
-            moves = {f"{place[0]}.segment[{index - 1}].length": 1.0, f"{place[0]}.segment[{index}].length": -1.0}
+            moves = moved_step(hung, place[0], float(place[1]))
             prior = Prior(mean=0.0, standard_deviation=0.5 * reach) if len(places) == 1 else None
-            limited = replace(distance, prior=prior)
-            hung = hung.plus(limited.move(moves, part=part, lower=max(lower, -reach), upper=min(upper, reach)))
-    if damping is None:
+            distance = replace(p["distance"], prior=prior)
+            hung = hung.plus(distance.move(moves, part=part, lower=max(lower, -reach), upper=min(upper, reach)))
+    if not with_loss:
         return hung
-    return hung.plus(damping.unknown(f"{_rope(0)}.c_y", also={f"{_rope(i)}.c_y": 1.0 for i in range(1, len(places))}))
+    others = {f"{_rope(i)}.c_y": 1.0 for i in range(1, len(places))}
+    return hung.plus(p["damping"].unknown(f"{_rope(0)}.c_y", also=others))
 
 
 def _rope(number: int) -> str:
@@ -372,7 +332,7 @@ def _room(model: Model, place: Place, places: Sequence[Place]) -> tuple[float, f
     others = [0.5 * (position + at) for owner, at in places if owner == part and at != position and at != "end"]
     fixed = [*model.steps(part), *model.places(part), 0.0, model.parts(part)[0].length, *others]
     distances = [x - position for x in fixed]
-    if min(map(abs, distances)) < HIT_BOUND:
+    if min(map(abs, distances)) < START_LENGTH:
         return 0.0, 0.0
     return SHORTENED * max(x for x in distances if x < 0.0), SHORTENED * min(x for x in distances if x > 0.0)
 
@@ -388,7 +348,7 @@ def _at(lengths: Mapping[str, float], share: float) -> Place:
 
 
 def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _require_receptances(model)
+    require_receptances(model)
     for scope, order in product(scopes_of(model), (1, 2, -1, -2)):
         stated = dict.fromkeys(record.form for record in model.receptances if scope.has(record))
         actual = [_quantity_of(FORMS.index(form) + order) for form in stated]
@@ -399,7 +359,7 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
             else ""
         )
         yield Variant(
-            _within(f"{how} {_TIMES[abs(order)]} more than stated", scope),
+            scope.within(f"{how} {_TIMES[abs(order)]} more than stated"),
             partial(scope.change, change=partial(_integrate, order)),
             meaning=f"the files say {' and '.join(stated)}, and the data are {' and '.join(actual)}",
             remedy=f"{form}in a campaign the line `integrate = {order}` in the tables of these measurements (a number "
@@ -408,16 +368,12 @@ def _quantity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
     for scope in scopes_of(model):
         yield Variant(
-            _within("complex conjugate", scope),
-            partial(scope.change, change=_conjugate),
+            scope.within("complex conjugate"),
+            partial(scope.change, change=lambda record: altered(record, receptance=record.receptance.conj())),
             meaning="the files are written for the other sign of the exponent in time",
             remedy="in Python `frf.conjugated()` before the FRF is used, in a campaign the line `conjugate = true` in "
             "the tables of these measurements",
         )
-
-
-def _conjugate(record: Observation) -> Observation:
-    return altered(record, receptance=record.receptance.conj())
 
 
 def _integrate(order: int, record: Observation) -> Observation:
@@ -425,15 +381,12 @@ def _integrate(order: int, record: Observation) -> Observation:
 
 
 def _polarity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _require_receptances(model)
+    require_receptances(model)
     for scope in scopes_of(model):
         there = f"sensor or hammer pointed the other way in the {scope.name}, and not in the other FRFs"
         meaning = "" if scope == Scope() else there
-        yield Variant(scope.name, partial(scope.change, change=_reverse), meaning=meaning)
-
-
-def _reverse(record: Observation) -> Observation:
-    return altered(record, receptance=-record.receptance)
+        change = partial(scope.change, change=lambda record: altered(record, receptance=-record.receptance))
+        yield Variant(scope.name, change, meaning=meaning)
 
 
 def _quantity_of(order: int) -> str:
@@ -446,33 +399,32 @@ def _quantity_of(order: int) -> str:
 
 
 def _truncation(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    _require_receptances(model)
+    require_receptances(model)
     require_no_table(model, f"{_NOT_COMPLEX}, or record until the structure is at rest")
     if not model.ends:
         raise UndecidableError("no record breaks off while the structure still rings: the lines are close enough")
     for scope in scopes_of(model):
-        yield Variant(_within("records end too early", scope), partial(_truncate, p["end"], scope), begin=best_end)
+        yield Variant(scope.within("records end too early"), partial(_truncate, p["end"], scope), begin=_best_end)
 
 
 def _truncate(parameter: Parameter, scope: Scope, model: Model) -> Model:
-    ends = [model.ends[name] for name in _names_of_ends(scope, model) if name in model.ends]
+    records = [ALL_RECORDS] if scope == Scope() else [one.label for one in model.receptances if scope.has(one)]
+    ends = [model.ends[name] for name in records if name in model.ends]
     if not ends:
         raise UndecidableError(f"no record of the scope {scope.name!r} breaks off while the structure still rings")
     end = float(np.median(ends))
     unknown = replace(parameter, typical=end).unknown(
         END, lower=_EARLIEST * end, upper=_LATEST * end, **scope.limits(model)
     )
-    return scope.change(model, partial(_end_at, end)).plus(unknown)
-
-
-def _names_of_ends(scope: Scope, model: Model) -> list[str]:
-    """Return the names in `Model.ends` of all records together, or of those of a scope."""
-    return [ALL_RECORDS] if scope == Scope() else [record.label for record in model.receptances if scope.has(record)]
-
-
-def _end_at(time: float, record: Observation) -> Observation:
     # A stepped sine has no end.
-    return record if record.force is not None else altered(record, ends=time)
+    ended = scope.change(model, lambda one: altered(one, ends=end) if one.force is None else one)
+    return ended.plus(unknown)
+
+
+def _best_end(model: Model, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the end of records, the last unknown of this kind, at which chi-square is smallest on few lines."""
+    end = next(unknown for unknown in reversed(model.unknowns) if unknown.address == END)
+    return best_end(end, model.task, model.on_few_lines, values)
 
 
 MEASUREMENT_CAUSES = (
@@ -511,7 +463,6 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="calibration_gain",
-        title="calibration gain",
         group="measurement",
         parameters=(Parameter(name="log_gain", unit="", lower=-16.0, upper=16.0, typical=0.03, plausible=(-2.4, 2.4)),),
         change=partial(_chain, LOG_GAIN),
@@ -523,14 +474,7 @@ MEASUREMENT_CAUSES = (
         title="scale of the frequencies",
         group="measurement",
         parameters=(
-            Parameter(
-                name="log_scale",
-                unit="",
-                lower=-0.06,
-                upper=0.06,
-                typical=4e-3,
-                plausible=(-0.02, 0.02),
-            ),
+            Parameter(name="log_scale", unit="", lower=-0.06, upper=0.06, typical=4e-3, plausible=(-0.02, 0.02)),
             Parameter(name="offset", unit="Hz", lower=-30.0, upper=30.0, typical=1.0, plausible=(-12.0, 12.0)),
         ),
         change=_scale,
@@ -539,7 +483,6 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="exponential_window",
-        title="exponential window",
         group="measurement",
         parameters=(
             Parameter(name="decay_rate", unit="1/s", lower=0.0, upper=500.0, typical=10.0, plausible=(0.0, 200.0)),
@@ -563,7 +506,6 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="wrong_quantity",
-        title="wrong quantity",
         group="measurement",
         parameters=(),
         change=_quantity,
@@ -573,7 +515,6 @@ MEASUREMENT_CAUSES = (
     ),
     Cause(
         id="reversed_polarity",
-        title="reversed polarity",
         group="measurement",
         parameters=(),
         change=_polarity,

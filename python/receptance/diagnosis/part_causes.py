@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 from receptance.diagnosis.causes import Cause, Parameter, Variant
+from receptance.diagnosis.changes import attach, moved_step, overhangs_of, require_free
 from receptance.diagnosis.model import (
     IndescribableError,
     Model,
@@ -19,15 +20,13 @@ from receptance.diagnosis.model import (
 )
 from receptance.diagnosis.thresholds import (
     DRAWING,
-    FLUTE_ROOM,
     LARGE_SIZE,
     MATERIAL_DEVIATIONS,
     METAL_MODULUS,
     ORDINARY_DENSITY,
-    ORDINARY_DRAWING,
     ORDINARY_MODULUS,
-    RIGID_MODULUS,
     SAME_PLACE,
+    SHORT_SECTION,
     SHORTENED,
     TIP_STEP,
 )
@@ -38,28 +37,26 @@ from receptance.model.assembly import Assembly
 from receptance.model.beams import Material, Part
 from receptance.model.joints import PointMass
 
-
-def _parts(model: Model, side: str) -> tuple[str, ...]:
-    if side == "holder":
-        require_beams(model)
-    found = tuple(dict.fromkeys(name for anatomy in model.anatomies for name in getattr(anatomy, side)))
-    if not found:
-        raise UndecidableError(f"the model has no {side}")
-    return found
+_RIGID_MODULUS = 10.0 * METAL_MODULUS
+"""Young's modulus in Pa from which a body is rigid: no material reaches it."""
 
 
-def _everywhere(model: Model, side: str, field: str) -> list[str]:
-    """Return the addresses of a material property of a side: in its parts, as a core, and in a spread joint."""
-    addresses = [f"{name}.segment[*].{field}" for name in _parts(model, side)]
-    if side == "tool":
-        holders = dict.fromkeys(name for anatomy in model.anatomies for name in anatomy.holder)
-        addresses += [f"{name}.segment[*].core.{field}" for name in holders]
-    addresses += [f"{name}.{'shank' if side == 'tool' else 'sleeve'}.{field}" for name in model.joints]
-    return [
-        a
-        for a in dict.fromkeys(addresses)
-        if any(covered(a, observation.assembly) for observation in model.observations)
-    ]
+def _everywhere(model: Model, field: str, sides: Iterable[str]) -> dict[str, float]:
+    """Return equal moves of a material property of tool or holder: in their parts, as a core, and in a spread joint."""
+    moves: dict[str, float] = {}
+    for side in sides:
+        if side == "holder":
+            require_beams(model)
+        parts = [name for anatomy in model.anatomies for name in getattr(anatomy, side)]
+        if not parts:
+            raise UndecidableError(f"the model has no {side}")
+        possible = [f"{name}.segment[*].{field}" for name in parts]
+        if side == "tool":
+            possible += [f"{name}.segment[*].core.{field}" for anatomy in model.anatomies for name in anatomy.holder]
+        possible += [f"{name}.{'shank' if side == 'tool' else 'sleeve'}.{field}" for name in model.joints]
+        moves |= {a: 1.0 for a in dict.fromkeys(possible) if any(covered(a, o.assembly) for o in model.observations)}
+    require_free(model, moves, f"{field} of {' and '.join(sides)}")
+    return moves
 
 
 def _scaled(side: str, field: str, p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -69,10 +66,7 @@ def _scaled(side: str, field: str, p: Mapping[str, Parameter], model: Model) -> 
 
 
 def _scale(side: str, field: str, parameter: Parameter, model: Model) -> Model:
-    moves = dict.fromkeys(_everywhere(model, side, field), 1.0)
-    if any(model.has(address) for address in moves):
-        raise UndecidableError(f"{field} of the {side} is an unknown of the model already")
-    return model.plus(parameter.move(moves, relative=True))
+    return model.plus(parameter.move(_everywhere(model, field, [side]), relative=True))
 
 
 def _holder_inertia(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -83,17 +77,15 @@ def _holder_inertia(p: Mapping[str, Parameter], model: Model) -> Iterator[Varian
 def _add_end_mass(mass: Parameter, model: Model) -> Model:
     require_beams(model)
     point = PointMass(mass=0.0, part=far_end(model), position="end", name="cause_end_mass")
-    return model.attach(point).plus(mass.unknown("cause_end_mass.mass"))
+    return attach(model, [point], {"mass": mass})
 
 
 def _overhang(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     require_joint(model)
-    pairs = zip(model.observations, model.anatomies, strict=True)
-    if any(model.has(overhang_of(observation.assembly, anatomy)) for observation, anatomy in pairs if anatomy.joint):
-        raise UndecidableError("the overhang is an unknown of the model already")
+    overhangs = overhangs_of(model)
+    require_free(model, overhangs, "the overhang")
     yield Variant("all", partial(_lengthen, p["length"], None))
-    joints = zip(model.configuration_of, model.anatomies, strict=True)
-    names = dict.fromkeys(name for name, anatomy in joints if anatomy.joint)
+    names = dict.fromkeys(name for configurations in overhangs.values() for name in configurations)
     for name in names if len(names) > 1 else ():
         yield Variant(name, partial(_lengthen, p["length"], name))
 
@@ -121,18 +113,18 @@ def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     require_joint(model)
     room = max(_room_to_full_circle(model), 0.0)
     low, high = p["log_diameter"].plausible
-    diameter = replace(p["log_diameter"], upper=room, plausible=(low, high + room))
-    yield from _other_first_section({**p, "log_diameter": diameter}, model)
+    yield from _first_section(replace(p["log_diameter"], upper=room, plausible=(low, high + room)), p["length"], model)
 
 
 def _tip_diameter(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     """Yield another diameter of a first section, which flutes do not explain."""
-    if model.joints and _room_to_full_circle(model) > 0.0:
-        raise UndecidableError("the model has a thinner first section: see fluted_part")
+    diameter = p["log_diameter"]
     if model.joints:
+        if _room_to_full_circle(model) > 0.0:
+            raise UndecidableError("the model has a thinner first section: see fluted_part")
         # A thinner one is that of flutes.
-        p = {**p, "log_diameter": replace(p["log_diameter"], lower=0.0)}
-    yield from _other_first_section(p, model)
+        diameter = replace(diameter, lower=0.0)
+    yield from _first_section(diameter, p["length"], model)
 
 
 def _room_to_full_circle(model: Model) -> float:
@@ -141,16 +133,16 @@ def _room_to_full_circle(model: Model) -> float:
     return min(math.log(part.segments[-1].outer_diameter / part.segments[0].outer_diameter) for part in parts)
 
 
-def _other_first_section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    tip = model.tip
-    parts = model.parts(tip)
+def _first_section(diameter: Parameter, length: Parameter, model: Model) -> Iterator[Variant]:
+    """Yield another diameter of the first section, or where the tool has one section, of a new one from the tip."""
+    parts = model.parts(model.tip)
     if any(len(part.segments) > 1 for part in parts):
-        yield Variant("first section", partial(_change_first_section, p["log_diameter"]))
+        yield Variant("first section", partial(_change_first_section, diameter))
         return
     # The end of the section cannot pass a place on the tool, so it lies between two of them.
-    for low in (0.0, *(place for place in model.places(tip) if 0.0 < place < longest_first_section(parts))):
+    for low in (0.0, *(place for place in model.places(model.tip) if 0.0 < place < longest_first_section(parts))):
         name = "from the tip" + (f", ending beyond {1e3 * low:g} mm" if low else "")
-        yield Variant(name, partial(_add_first_section, p, low))
+        yield Variant(name, partial(_add_first_section, diameter, length, low))
 
 
 def _change_first_section(diameter: Parameter, model: Model) -> Model:
@@ -164,21 +156,20 @@ def longest_first_section(parts: Sequence[Part]) -> float:
     return 0.95 * min(part.segments[0].length for part in parts)
 
 
-def _add_first_section(p: Mapping[str, Parameter], low: float, model: Model) -> Model:
+def _add_first_section(diameter: Parameter, length: Parameter, low: float, model: Model) -> Model:
     """Return the model with another section from the tip, that ends between a place on the tool and the next one."""
     tip = model.tip
     longest = longest_first_section(model.parts(tip))
     high = min([longest, *(place for place in model.places(tip) if place > low + SAME_PLACE)])
-    if high - low < FLUTE_ROOM:
+    if high - low < SHORT_SECTION:
         raise IndescribableError(f"no section of its own can end beyond {1e3 * low:g} mm on {tip}")
     divided, _ = model.split(tip, low + TIP_STEP)
-    first = f"{tip}.segment[0]"
     beyond = f"beyond {1e3 * low:g} mm" if low else ""
     room = high - low - (2.0 * TIP_STEP if high < longest else 0.0)
-    lower = 0.0 if low else min(p["length"].lower, 0.1 * room)
-    moves = {f"{first}.length": 1.0, f"{tip}.segment[1].length": -1.0}
-    length = p["length"].move(moves, part=beyond, lower=lower, upper=room, start=0.5 * room)
-    return divided.plus(p["log_diameter"].move({f"{first}.outer_diameter": 1.0}, relative=True), length)
+    lower = 0.0 if low else min(length.lower, 0.1 * room)
+    lengths = moved_step(divided, tip, low + TIP_STEP)
+    moved = length.move(lengths, part=beyond, lower=lower, upper=room, start=0.5 * room)
+    return divided.plus(diameter.move({f"{tip}.segment[0].outer_diameter": 1.0}, relative=True), moved)
 
 
 def _flexible(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -189,13 +180,13 @@ def _flexible(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         yield Variant(name, partial(_make_elastic, name, p["decades"]))
 
 
-def _rigid_moduli(model: Model) -> dict[str, dict[str, None]]:
-    """Return the addresses of the moduli of rigid bodies by part."""
-    by_part: dict[str, dict[str, None]] = {}
+def _rigid_moduli(model: Model) -> dict[str, dict[str, float]]:
+    """Return the addresses of the moduli of rigid bodies by part, each with the value from which decades count."""
+    by_part: dict[str, dict[str, float]] = {}
     for observation in model.observations:
         for address in observation.assembly.parameters:
-            if address.endswith(".youngs_modulus") and observation.assembly.get(address) >= RIGID_MODULUS:
-                by_part.setdefault(address.partition(".")[0], {})[address] = None
+            if address.endswith(".youngs_modulus") and observation.assembly.get(address) >= _RIGID_MODULUS:
+                by_part.setdefault(address.partition(".")[0], {})[address] = METAL_MODULUS
     return by_part
 
 
@@ -203,23 +194,21 @@ def _make_elastic(part: str, decades: Parameter, model: Model) -> Model:
     moduli = _rigid_moduli(model).get(part)
     if not moduli:
         raise UndecidableError(f"{part} is not described as rigid")
-    changed = model.rebuild(partial(_make_of_metal, list(moduli)))
+    changed = model.rebuild(partial(replace_values, moduli))
     return changed.plus(decades.move(dict.fromkeys(moduli, math.log(10.0)), relative=True))
 
 
-def _make_of_metal(addresses: list[str], assembly: Assembly) -> Assembly:
-    """Return the assembly with the moduli from which the decades of stiffness count."""
-    return assembly.replace({address: METAL_MODULUS for address in addresses if covered(address, assembly)})
+def replace_values(values: Mapping[str, float], assembly: Assembly) -> Assembly:
+    """Return an assembly with other values of the parameters that it has."""
+    return assembly.replace({address: value for address, value in values.items() if covered(address, assembly)})
 
 
-def _sides(model: Model) -> list[str]:
-    return [side for side in ("tool", "holder") if any(getattr(anatomy, side) for anatomy in model.anatomies)]
-
-
-def _of_sides(change: Callable[..., Model], p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+def _of_sides(
+    change: Callable[[Parameter, Sequence[str], Model], Model], p: Mapping[str, Parameter], model: Model
+) -> Iterator[Variant]:
     """Yield a change of all parts, and of the tool and the holder alone; it gets the parameter and the sides."""
     (parameter,) = p.values()
-    sides = _sides(model)
+    sides = [side for side in ("tool", "holder") if any(getattr(anatomy, side) for anatomy in model.anatomies)]
     yield Variant("all parts", partial(change, parameter, sides))
     for side in sides if len(sides) > 1 else ():
         yield Variant(f"all of the {side}", partial(change, parameter, [side]))
@@ -227,24 +216,18 @@ def _of_sides(change: Callable[..., Model], p: Mapping[str, Parameter], model: M
 
 def _stated_along(model: Model, moves: Mapping[str, float]) -> list[float]:
     """Return the stated values of the parameters that moves change."""
-    return [
-        observation.assembly.get(name)
-        for observation in model.observations
-        for address in moves
-        for name in covered(address, observation.assembly)
-    ]
+    assemblies = [observation.assembly for observation in model.observations]
+    return [own.get(name) for own in assemblies for address in moves for name in covered(address, own)]
 
 
 def _move_losses(loss: Parameter, sides: Sequence[str], model: Model) -> Model:
-    moves = {address: 1.0 for side in sides for address in _everywhere(model, side, "loss_factor")}
-    if any(model.has(address) for address in moves):
-        raise UndecidableError("a loss factor of the material is an unknown of the model already")
+    moves = _everywhere(model, "loss_factor", sides)
     least = max(loss.lower, -min(_stated_along(model, moves)))
     return model.plus(replace(loss, lower=least, plausible=(least, loss.plausible[1])).move(moves))
 
 
 def _move_ratios(ratio: Parameter, sides: Sequence[str], model: Model) -> Model:
-    moves = {address: 1.0 for side in sides for address in _everywhere(model, side, "poisson_ratio")}
+    moves = _everywhere(model, "poisson_ratio", sides)
     stated = _stated_along(model, moves)
     lower, upper = max(ratio.lower, -0.98 - min(stated)), min(ratio.upper, 0.499 - max(stated))
     if lower >= 0.0 or upper <= 0.0:
@@ -295,15 +278,17 @@ aluminium
 """
 
 
-def _other_material(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    fields = ("youngs_modulus", "density", "poisson_ratio")
-    if any(model.has(address) for field in fields for address in _everywhere(model, "tool", field)):
-        raise UndecidableError("modulus or density of the tool is an unknown of the model already")
-    stated = stated_material(model)
+def other_materials(stated: Material) -> Iterator[ToolMaterial]:
+    """Yield the materials that a stated one is not; its own deviations are `tool_modulus` and `tool_density`."""
     for material in TOOL_MATERIALS:
         log_modulus, log_density = material.relative_to(stated)
-        if abs(log_modulus) <= ORDINARY_MODULUS and abs(log_density) <= ORDINARY_DENSITY:
-            continue  # the stated material; smaller deviations are tool_modulus and tool_density
+        if abs(log_modulus) > ORDINARY_MODULUS or abs(log_density) > ORDINARY_DENSITY:
+            yield material
+
+
+def _other_material(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    stated = stated_material(model)
+    for material in other_materials(stated):
         yield Variant(
             material.name,
             partial(_use_material, material, p),
@@ -319,7 +304,7 @@ def stated_material(model: Model) -> Material:
     materials = [segment.material for name in parts for part in model.parts(name) for segment in part.segments]
     if len({(material.youngs_modulus, material.density, material.poisson_ratio) for material in materials}) > 1:
         raise UndecidableError("the tool is made of several materials")
-    if materials[0].youngs_modulus > RIGID_MODULUS:
+    if materials[0].youngs_modulus > _RIGID_MODULUS:
         raise UndecidableError("the tool is described as rigid; the cause flexible_body gives it a modulus")
     return materials[0]
 
@@ -327,13 +312,12 @@ def stated_material(model: Model) -> Material:
 def _use_material(material: ToolMaterial, p: Mapping[str, Parameter], model: Model) -> Model:
     stated = stated_material(model)
     log_modulus, log_density = material.relative_to(stated)
-    moduli = dict.fromkeys(_everywhere(model, "tool", "youngs_modulus"), 1.0)
-    densities = dict.fromkeys(_everywhere(model, "tool", "density"), 1.0)
+    moduli, densities = (_everywhere(model, field, ["tool"]) for field in ("youngs_modulus", "density"))
     # Poisson's ratio changes in proportion to the property that changes most, and reaches that of the material.
     leading, most = (moduli, log_modulus) if abs(log_modulus) >= abs(log_density) else (densities, log_density)
     if stated.poisson_ratio > 0.0:
         change = math.log(material.poisson_ratio / stated.poisson_ratio) / most
-        leading |= dict.fromkeys(_everywhere(model, "tool", "poisson_ratio"), change)
+        leading |= dict.fromkeys(_everywhere(model, "poisson_ratio", ["tool"]), change)
     of_modulus = _expect(p["log_modulus"], log_modulus, material.modulus_scatter)
     of_density = _expect(p["log_density"], log_density, material.density_scatter)
     return model.plus(of_modulus.move(moduli, relative=True), of_density.move(densities, relative=True))
@@ -354,7 +338,7 @@ def _expect(parameter: Parameter, target: float, scatter: float) -> Parameter:
 
 def _of_drawing(name: str, typical: float) -> Parameter:
     """Return the natural logarithm of an effective property of parts that a simplified drawing describes."""
-    return replace(_between(name, typical, math.log(1.0 - DRAWING), math.log(1.0 + DRAWING)), ordinary=ORDINARY_DRAWING)
+    return replace(_between(name, typical, math.log(1.0 - DRAWING), math.log(1.0 + DRAWING)), ordinary=ORDINARY_DENSITY)
 
 
 def _between(name: str, typical: float, low: float, high: float) -> Parameter:
@@ -368,7 +352,6 @@ PART_CAUSES = (
     Cause(
         id="fluted_part",
         title="thinner fluted part",
-        group="structure",
         parameters=(
             Parameter(name="log_diameter", unit="", lower=-0.5, upper=0.0, typical=-0.05, plausible=(-0.4, 0.0)),
             _LENGTH_OF_SECTION,
@@ -381,7 +364,6 @@ PART_CAUSES = (
     Cause(
         id="tip_diameter",
         title="another diameter near the tip",
-        group="structure",
         parameters=(
             Parameter(name="log_diameter", unit="", lower=-0.5, upper=0.2, typical=0.05, plausible=(-0.4, 0.02)),
             _LENGTH_OF_SECTION,
@@ -394,7 +376,6 @@ PART_CAUSES = (
     Cause(
         id="tool_modulus",
         title="modulus of the tool",
-        group="structure",
         parameters=(_between("log_modulus", 0.02, -ORDINARY_MODULUS, ORDINARY_MODULUS),),
         change=partial(_scaled, "tool", "youngs_modulus"),
         meaning="the tool's Young's modulus is not that of its material",
@@ -403,7 +384,6 @@ PART_CAUSES = (
     Cause(
         id="tool_density",
         title="density of the tool",
-        group="structure",
         parameters=(_between("log_density", 0.01, -ORDINARY_DENSITY, ORDINARY_DENSITY),),
         change=partial(_scaled, "tool", "density"),
         meaning="the tool is heavier or lighter than its material implies",
@@ -412,7 +392,6 @@ PART_CAUSES = (
     Cause(
         id="overhang_error",
         title="wrong overhang",
-        group="structure",
         parameters=(
             Parameter(name="length", unit="m", lower=-0.01, upper=0.01, typical=5e-4, plausible=(-4e-3, 4e-3)),
         ),
@@ -423,7 +402,6 @@ PART_CAUSES = (
     Cause(
         id="holder_inertia",
         title="mass of the holder",
-        group="structure",
         parameters=(
             _of_drawing("log_density", 0.02),
             Parameter(name="mass", unit="kg", lower=0.0, upper=5.0, typical=0.03, plausible=(0.0, 1.0)),
@@ -435,7 +413,6 @@ PART_CAUSES = (
     Cause(
         id="holder_modulus",
         title="stiffness of the holder",
-        group="structure",
         parameters=(_of_drawing("log_modulus", 0.02),),
         change=partial(_scaled, "holder", "youngs_modulus"),
         meaning="the holder is stiffer or softer than modelled",
@@ -445,7 +422,6 @@ PART_CAUSES = (
     Cause(
         id="flexible_body",
         title="elastic body",
-        group="structure",
         # Fits start three typical sizes from null, which is the stiffness of metals.
         parameters=(Parameter(name="decades", unit="", lower=-1.0, upper=9.0, typical=6.0, null=9.0),),
         change=_flexible,
@@ -455,7 +431,6 @@ PART_CAUSES = (
     Cause(
         id="shear_neglected",
         title="shear of the beams",
-        group="structure",
         parameters=(Parameter(name="poisson_ratio", unit="", lower=-1.3, upper=1.5, typical=0.05),),
         change=partial(_of_sides, _move_ratios),
         meaning="the beams shear more or less than modelled",
@@ -464,7 +439,6 @@ PART_CAUSES = (
     Cause(
         id="material_loss",
         title="loss factor of the material",
-        group="structure",
         parameters=(
             Parameter(name="loss_factor", unit="", lower=-0.05, upper=0.3, typical=2e-3, plausible=(-0.05, 0.05)),
         ),
@@ -475,7 +449,6 @@ PART_CAUSES = (
     Cause(
         id="tool_material",
         title="material of the tool",
-        group="structure",
         parameters=tuple(
             Parameter(name=name, unit="", lower=-3.0, upper=3.0, typical=0.3) for name in ("log_modulus", "log_density")
         ),

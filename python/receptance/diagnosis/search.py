@@ -20,7 +20,7 @@ from functools import partial
 from time import perf_counter
 
 from receptance import _checks
-from receptance.diagnosis.alternatives import ALTERNATIVES
+from receptance.diagnosis.catalogue import ALTERNATIVES
 from receptance.diagnosis.causes import Cause, Variant, extend
 from receptance.diagnosis.explanation import Explanation, Selection, best_of_each
 from receptance.diagnosis.fitting import Fit, continued, evaluate, fit_or_none, refit, with_null

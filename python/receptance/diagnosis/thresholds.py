@@ -6,8 +6,6 @@ laboratory (`tests/blind`) checks them together: see `docs/validation_diagnosis.
 
 from __future__ import annotations
 
-import math
-
 # Lines of measured receptances.
 
 EXPLORING_LINES = 120
@@ -99,12 +97,6 @@ LEAST_CONTINUED = 12
 
 ALTERNATIVE_PLACES = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 """Places on tool and holder, as shares of the length, of the shortest one where a tool has several overhangs."""
-ALTERNATIVE_PIECES = 6
-"""Pieces of tool and holder that may be heavier, stiffer or thicker."""
-SOFT_LENGTH = 1e-3
-"""Length in m of a section with a reduced diameter."""
-TAPER_CYLINDERS = 6
-"""Cylinders of equal length that approximate a taper."""
 
 # The discrepancy of a model.
 
@@ -162,8 +154,13 @@ SAME_PLACE = 1e-9
 """Distance in m below which two places are the same."""
 VARIED = 1.05
 """Ratio of the largest and the smallest value from which a condition has been varied."""
-SHORTEST_SPREAD = 1e-4
-"""Length in m of a spread joint that replaces a point joint."""
+PIECES = 6
+"""Pieces of equal length: of tool and holder, of a taper, and of the springs along a contact, if their points allow."""
+SHORT_SECTION = 1e-3
+"""Length in m of the shortest section that a change adds to a part."""
+START_LENGTH = 1e-4
+"""Length in m of a contact at the start of a fit of a spread joint. A step that is nearer to a hit or a rope does not
+bound its place, because it is the start of another fit."""
 LAYER_POINTS = 12
 """Points that stand for a layer whose stiffness changes along the insertion."""
 SENSOR_SHARE = 0.05
@@ -177,36 +174,19 @@ TIP_STEP = 1e-5
 """Distance in m from the tip, or from a place on the tool, of a new step between sections."""
 SHORTENED = 0.98
 """Share of a length by which a cause may shorten it: the tool behind its last place, and the mouth of the holder."""
-FLUTE_ROOM = 1e-3
-"""Distance in m between two places on a tool below which no end of the flutes is placed between them."""
-RIGID_MODULUS = 2e12
-"""Young's modulus in Pa from which a body is rigid: no material reaches it."""
 METAL_MODULUS = 2e11
-"""Young's modulus in Pa from which the decades of a rigid body's stiffness count."""
+"""Young's modulus in Pa from which the decades of a rigid body's stiffness count; from ten times of it on a body is
+rigid, because no material reaches that."""
 RESONANCE_STEP = 0.08
 """Distance of the trial frequencies of a resonator, as a natural logarithm."""
 ORDINARY_MODULUS = 0.15
 ORDINARY_DENSITY = 0.1
-"""Natural logarithms up to which a change is an error of the stated material and not another material."""
+"""Natural logarithms up to which a change is an error of the stated material and not another material. The latter is
+also the one up to which a difference from a simplified drawing is named beside another cause."""
 DRAWING = 0.25
 """Largest share by which effective density and modulus of holder and spindle plausibly differ from a simplified
 drawing, which leaves out bores, flanges and balancing cut-outs."""
-ORDINARY_DRAWING = 0.1
-"""Natural logarithm up to which such a difference is named beside another cause."""
 MATERIAL_DEVIATIONS = 4.0
 """Plausible range of a material, in standard deviations of its grades."""
 SUSPENSION_PLACES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 """Places of a suspension, as shares of the holder's length."""
-HIT_STEP = 0.5 * TIP_STEP
-"""Distance in m by which a hit is moved from a place that something else needs. It is below `TIP_STEP`, so that hits
-can be moved along flutes."""
-HIT_BOUND = 1e-4
-"""Distance in m below which a step between sections does not bound the offset of a hit: starts of other fits."""
-SPRING_PIECES = (6, 5, 4, 3, 2)
-"""Numbers of pieces into which a distributed spring is divided; the first one that divides its points is used."""
-SPRING_COUNT = 6
-"""Springs between two point springs."""
-SPRING_DECAY = 2.3
-"""Natural logarithm of the decay of these springs from one end to the other."""
-SPRING_TRACE = math.log(1e-3)
-"""Natural logarithm of the sum of these springs relative to the point spring, at the null of the cause."""

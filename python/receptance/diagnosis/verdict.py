@@ -222,7 +222,7 @@ class Verdict(Result):
 
     @cached_property
     def alternatives(self) -> tuple[CandidateCause, ...]:
-        """Changes that are not causes, the highest evidence first; see `receptance.diagnosis.alternatives`."""
+        """Changes that are not causes, the highest evidence first; see `receptance.diagnosis.catalogue`."""
         changes = self.selection.alternatives
         return tuple(_candidate(self.selection, change, change.variants[-1]) for change in changes)
 
