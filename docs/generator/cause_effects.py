@@ -72,7 +72,7 @@ VARIANTS = {
     "joint_amplitude": "k_theta",
     "xy_asymmetry": "k_theta",
     "frequency_scale": "in accelerations",
-    "suspension": "at 40 % of the holder, with a loss",
+    "suspension": "near 40 % of the holder, with a loss",
     "contact_distribution": "more at one end",
 }
 """Variants that are shown instead of the first one."""
