@@ -23,7 +23,7 @@ from receptance.campaign.identification import parts_to_start
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
 from receptance.campaign.values import PLAIN_NUMBER, kind_of
 from receptance.diagnosis import Verdict
-from receptance.diagnosis.causes import transfer
+from receptance.diagnosis.causes import Variant, transfer
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
@@ -138,6 +138,8 @@ _SAME = 1e-6
 """Relative difference of chi-square up to which the file and the diagnosed model are the same."""
 _POSITION = PointMass.declared["position"]
 _ORDERS = (1, 2, -1, -2)
+_OF_THE_PLACE = ("assembly", "role", "sensor", "attachments", "response", "excitation", "conditions")
+"""Keys of a measurement that do not describe its file."""
 _OTHER = {"sensors": "attachments", "attachments": "sensors"}
 
 
@@ -211,7 +213,7 @@ def _extended(campaign: CampaignData, verdict: Verdict, folder: Path) -> dict[st
     # A cause may act at one level only, so that each level has its own tables.
     data = copy.deepcopy(campaign.contents)
     measured = {
-        name: _applied(base, explanation, observation, campaign.errors_of([name]))
+        name: _applied(base, explanation.variants, observation, campaign.errors_of([name]))
         for name, observation in campaign.measurements.items()
     }
     described = [name for name in campaign.assemblies if name not in campaign.blanks]
@@ -220,6 +222,7 @@ def _extended(campaign: CampaignData, verdict: Verdict, folder: Path) -> dict[st
     seen = {observation.label for observation in base.observations}
     for name, measurement in measured.items():
         _write_measurement(data, name, measurement, name in seen)
+    _exchange_files(data, {name: measurement.found.label for name, measurement in measured.items()})
     for name in parts_to_start(campaign):
         _write_modes(data, name, explanation.fit)
     _write_unknowns(data, base, explanation)
@@ -244,17 +247,17 @@ def _extended(campaign: CampaignData, verdict: Verdict, folder: Path) -> dict[st
 
 def _applied(
     base: Model,
-    explanation: Explanation,
+    variants: Iterable[Variant],
     observation: Observation,
     tolerances: Iterable[Tolerance],
 ) -> _Extended:
-    """Apply the causes of an explanation to an observation, one after the other."""
+    """Apply causes to an observation, one after the other."""
     model = replace(base, observations=(observation,), tolerances=tuple(tolerances))
     temporary: list[str] = []
-    for variant in explanation.variants:
+    for variant in variants:
         before = set(model.observations[0].assembly.attachments)
         model = transfer(model, [variant])
-        if variant.cause.group == "measurement":
+        if variant.cause.group == "measurement" and not variant.cause.changes_data:
             temporary += [
                 attachment for attachment in model.observations[0].assembly.attachments if attachment not in before
             ]
@@ -273,7 +276,9 @@ def _of_assembly(campaign: CampaignData, base: Model, explanation: Explanation, 
             like = altered(like, response=response, excitation=excitation)
     site = campaign.site(name)
     bare = altered(like, assembly=assembly, configuration=name, label=name, conditions=site.conditions)
-    return _applied(base, explanation, bare, campaign.tolerances.get(name, ()))
+    # A change of the data is none of the assembly.
+    structural = tuple(variant for variant in explanation.variants if not variant.cause.changes_data)
+    return _applied(base, structural, bare, campaign.tolerances.get(name, ()))
 
 
 def _write_structure(
@@ -373,6 +378,16 @@ def _write_measurement(data: dict[str, Any], name: str, one: _Extended, seen: bo
     times = _integrations(given, found)
     if times:
         table["integrate"] = int(table.get("integrate", 0)) + times
+
+
+def _exchange_files(data: dict[str, Any], labels: Mapping[str, str]) -> None:
+    """Write the data of each measurement into the table of another one, whose structure and places stay."""
+    tables = {name: data["measurements"][name] for name in labels}
+    for name, label in labels.items():
+        if label != name:
+            places = {key: value for key, value in tables[label].items() if key in _OF_THE_PLACE}
+            values = {key: value for key, value in tables[name].items() if key not in _OF_THE_PLACE}
+            data["measurements"][label] = {**places, **values}
 
 
 def _write_temporary(data: dict[str, Any], name: str, attached: str, one: _Extended) -> None:

@@ -8,13 +8,23 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations, product
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from receptance._text import join_names
 from receptance.diagnosis.causes import Cause, Parameter, Variant
-from receptance.diagnosis.changes import Scope, add, move, moved_step, require_free, require_receptances, scopes_of
+from receptance.diagnosis.changes import (
+    OF_THE_RECORD,
+    Scope,
+    add,
+    move,
+    moved_step,
+    place_of,
+    require_free,
+    require_receptances,
+    scopes_of,
+)
 from receptance.diagnosis.model import (
     IndescribableError,
     Model,
@@ -389,6 +399,46 @@ def _polarity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         yield Variant(scope.name, change, meaning=meaning)
 
 
+def _exchange(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    require_receptances(model)
+    records: dict[str, dict[Any, Observation]] = {name: {} for name in model.configurations}
+    for name, record in zip(model.configuration_of, model.observations, strict=True):
+        if record.is_receptance:
+            conditions = tuple(record.conditions.get(condition) for condition in OF_THE_RECORD)
+            records[name][place_of(record, record.response), place_of(record, record.excitation), conditions] = record
+    labels = [record.label for of_one in records.values() for record in of_one.values()]
+    if len({*labels, ""}) <= len(model.receptances):
+        raise UndecidableError("FRFs of one configuration at the same places, or with one label, look the same")
+    pairs = [(a, b) for a, b in combinations(records, 2) if records[a] and records[a].keys() == records[b].keys()]
+    if not pairs:
+        raise UndecidableError("no two configurations have FRFs at the same places, force levels and planes")
+    for a, b in pairs:
+        others = {
+            record.label: records[other][key]
+            for other in (a, b)
+            for key, record in records[a if other == b else b].items()
+        }
+        yield Variant(
+            f"{a} and {b}",
+            partial(_exchange_records, others),
+            far=True,
+            meaning=f"the files of {a} are those of {b}, and the other way round",
+        )
+
+
+def _exchange_records(others: Mapping[str, Observation], model: Model) -> Model:
+    """Return the model in which each record is in the place of another one, by its label."""
+    if not any(record.label in others for record in model.receptances):
+        raise UndecidableError("none of these records is among the measurements")
+    fields = ("assembly", "label", "configuration", "conditions", "response", "excitation")
+
+    def change(record: Observation) -> Observation:
+        other = others.get(record.label)
+        return record if other is None else altered(record, **{name: getattr(other, name) for name in fields})
+
+    return model.map(change)
+
+
 def _quantity_of(order: int) -> str:
     """Return the name of an FRF whose motion is a displacement differentiated `order` times."""
     if 0 <= order < len(FORMS):
@@ -521,6 +571,16 @@ MEASUREMENT_CAUSES = (
         changes_data=True,
         meaning="sensor or hammer point the other way: every FRF has the wrong sign",
         remedy="turn the sign of the response: in a campaign its direction, in Python `frf.flipped()`",
+    ),
+    Cause(
+        id="exchanged_files",
+        title="exchanged files",
+        group="measurement",
+        parameters=(),
+        change=_exchange,
+        changes_data=True,
+        meaning="the files of two configurations are exchanged",
+        remedy="exchange the files of these two configurations",
     ),
     Cause(
         id="coarse_resolution",

@@ -25,6 +25,7 @@ from receptance.diagnosis.thresholds import (
     DEPENDENT,
     INVISIBLE,
     LOOK_ALIKE,
+    SCREENING_LIMIT,
     VARIANTS_FITTED,
 )
 from receptance.fit.adequacy import CHANCE
@@ -95,10 +96,13 @@ def list_variants(fit: Fit, causes: Sequence[Cause]) -> tuple[list[tuple[Variant
     The second result has the reasons by the ids of the causes.
     """
     extended, undecidable = extensions_of(fit.model, causes)
-    changes = [pair for pair in extended if pair[0].cause.changes_data]
+    changes = [pair for pair in extended if pair[0].cause.changes_data and not pair[0].far]
+    # Files of two configurations are exchanged where nothing fits.
+    exchanged = [pair for pair in extended if pair[0].cause.changes_data and pair[0].far]
+    exchanged = exchanged if fit.misfit > SCREENING_LIMIT else []
     inadequate = not fit.adequacy.passed
     others = [(v, model) for v, model in extended if not v.cause.changes_data and (inadequate or not v.cause.large)]
-    return [*others, *_improving(changes, fit)], undecidable
+    return [*others, *_improving(changes, fit), *exchanged], undecidable
 
 
 def extensions_of(
