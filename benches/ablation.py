@@ -63,7 +63,6 @@ RULES = (
     Rule("the distance behind grows with the gain", {"BEHIND_SHARE": 0.0}),
     Rule("a third of a race goes on", {"CONTINUED_SHARE": 1.0}),
     Rule("12 rivals go on (for 12: 1)", {"LEAST_CONTINUED": 1}),
-    Rule("two starts go on (for 2: 1)", {"CONTINUED_STARTS": 1}),
     Rule("large sizes as starts", {"LARGE_SIZE": 1.0}),
     Rule("a stiffer joint as start", {"JOINT_FACTOR": 1.0}),
     Rule("blocks of compressed data (120: 60)", {"BLOCKS": 60}),

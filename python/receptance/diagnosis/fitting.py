@@ -19,12 +19,12 @@ from receptance.diagnosis.thresholds import (
     AT_BOUND,
     BLOCKS,
     CONTINUED_BASE,
-    CONTINUED_STARTS,
     EVALUATIONS,
     EVALUATIONS_EXPLORING,
     EVALUATIONS_OF_BASE,
     EVALUATIONS_OF_START,
     MARGIN,
+    SCREENING_LIMIT,
     TOLERANCE_OF_BASE,
 )
 from receptance.errors import ReceptanceError
@@ -33,6 +33,7 @@ from receptance.fit.adequacy import MISFIT_LIMIT, Adequacy, Strain, judge, misfi
 from receptance.fit.compression import Compression
 from receptance.fit.discrepancy import Discrepancy
 from receptance.fit.identification import conclude
+from receptance.fit.line_selection import FEWEST_LINES
 from receptance.fit.observation import Observation
 from receptance.fit.problem import CONVERGED, End, InfeasibleError, Problem, Task
 from receptance.fit.result import Identification
@@ -358,6 +359,8 @@ class Exploration:
     model: Model
     problem: Problem
     """Its residuals on the compressed data."""
+    scatter: float | None
+    """Part of chi-square on all lines beside these; None where that part depends on the end."""
     ends: tuple[End, ...]
     evaluations: int
     """Number of evaluations of all observations."""
@@ -367,7 +370,10 @@ class Exploration:
         """The model on all lines at the best end; None where there is none."""
         if not self.ends:
             return None
-        return evaluate(self.model, self.problem.named(self.ends[0].x), evaluations=self.evaluations)
+        end = self.ends[0]
+        if self.scatter is None:
+            return evaluate(self.model, self.problem.named(end.x), evaluations=self.evaluations)
+        return Fit(self.model, end.x, 2.0 * end.cost + self.scatter, False, self.evaluations)
 
     @property
     def chi_square(self) -> float:
@@ -380,16 +386,15 @@ class Exploration:
         return np.inf if self.best is None else self.best.misfit
 
     def go_on(self, starts: Sequence[Mapping[str, float]]) -> Exploration:
-        """Return it with the best ends fitted on, and with fits from further starts if no end is adequate."""
+        """Return it with the best end fitted on, after fits from further starts if no end is adequate."""
         ends = list(self.ends)
         if starts and self.misfit > MISFIT_LIMIT:
             ends += _short_fits(self.model, self.problem, starts)
         ends = [
             end if end.converged else self.problem.fit_one(end.x, EVALUATIONS_EXPLORING, least=CONVERGED)
-            for end in sorted(ends, key=lambda end: end.cost)[:CONTINUED_STARTS]
+            for end in sorted(ends, key=lambda end: end.cost)[:1]
         ]
-        ends.sort(key=lambda end: end.cost)
-        return Exploration(self.model, self.problem, tuple(ends), self.problem.evaluations)
+        return replace(self, ends=tuple(ends), evaluations=self.problem.evaluations)
 
     def finish(self) -> Fit | None:
         """Return the fit on all lines from the best end; None where the model has no value on all lines."""
@@ -407,9 +412,11 @@ def explore(root: Fit, model: Model, starts: Sequence[Mapping[str, float]], *, f
     """
     compression = root.compression
     data = model.on_few_lines if compression is None else compression.of(model.observations)
+    # Blocks about a fit far from the data do not have the same sum of squares.
+    scatter = None if compression is None or root.misfit > SCREENING_LIMIT else compression.scatter
     problem = model.task.problem(data)
     ends = sorted(_short_fits(model, problem, starts, far=far), key=lambda end: end.cost)
-    return Exploration(model, problem, tuple(ends), problem.evaluations)
+    return Exploration(model, problem, scatter, tuple(ends), problem.evaluations)
 
 
 def _short_fits(
@@ -418,10 +425,8 @@ def _short_fits(
     vectors = np.array([model.task.variables.vector_of(values) for values in starts]).reshape(len(starts), -1)
     if far:
         free = np.arange(vectors.shape[1]) < model.task.parameters.count
-        vectors = np.array([end.x for end in problem.fit(vectors, EVALUATIONS_EXPLORING, free=free, least=CONVERGED)])
+        few = problem.thinned(FEWEST_LINES) or problem
+        vectors = np.array([end.x for end in few.fit(vectors, EVALUATIONS_EXPLORING, free=free, least=CONVERGED)])
+        problem.evaluations += few.evaluations * (few is not problem)
     ends = problem.fit(vectors, EVALUATIONS_OF_START, least=CONVERGED)
     return [end for end in ends if np.isfinite(end.cost)]
-
-
-def _problem_on_few_lines(model: Model) -> Problem:
-    return model.task.problem(model.on_few_lines)

@@ -290,14 +290,18 @@ def detection_threshold(
     seed : int
         Seed of the draws.
     """
-    visible = in_common_basis([one for one in found if one.slopes.shape[1]])
+    visible = [one for one in found if one.slopes.shape[1]]
     if not visible:
         return 0.0
+    bases = np.hstack([one.basis for one in visible])
+    sizes, vectors = np.linalg.eigh(bases.T @ bases)
+    # Many effects are alike: fewer numbers than there are derivatives describe their scalar products with the noise.
+    kept = sizes > DEPENDENT * sizes[-1]
+    # The signs of eigenvectors differ between processors. Seven digits are more than the number of draws resolves.
+    root = (vectors[:, kept] * np.sign(vectors[:, kept].sum(axis=0)) * np.sqrt(sizes[kept])).astype(np.float32)
     rng = np.random.default_rng([seed, 20])
-    # Seven digits are more than the number of draws resolves.
-    noise = rng.standard_normal((len(visible[0].slopes), CHANCE_DRAWS), dtype=np.float32)
-    bases = np.hstack([one.basis for one in visible]).astype(np.float32)
-    products = np.split(bases.T @ noise, np.cumsum([one.basis.shape[1] for one in visible])[:-1])
+    noise = rng.standard_normal((root.shape[1], CHANCE_DRAWS), dtype=np.float32)
+    products = np.split(root @ noise, np.cumsum([one.basis.shape[1] for one in visible])[:-1])
     left = rng.chisquare(max(freedom - 1.0, 1.0), CHANCE_DRAWS)
     best = np.full(CHANCE_DRAWS, -np.inf)
     for one, projected in zip(visible, products, strict=True):
@@ -316,7 +320,9 @@ def look_alike(first: Direction, second: Direction) -> float:
     if not first.slopes.shape[1] or not second.slopes.shape[1]:
         return 0.0
     both = first.basis.T @ second.basis
-    return float(np.linalg.svd(both, compute_uv=False)[0].clip(0.0, 1.0))
+    # A row or a column has one singular value.
+    cosine = np.linalg.norm(both, None if 1 in both.shape else 2)
+    return min(float(cosine), 1.0)
 
 
 def look_alikes(effects: Sequence[Direction], variant: Variant) -> dict[str, float]:

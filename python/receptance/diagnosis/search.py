@@ -177,14 +177,15 @@ class Search:
         """Race the neighbours of the best explanation until it has no better one."""
         selection = self.selection
         while selection.best is not None and selection.best.evidence >= selection.threshold - MARGIN:
-            if (
-                self._searched.get(frozenset(selection.best.variants), math.inf)
-                <= selection.best.fit.chi_square + MARGIN
-            ):
+            if self._is_searched(selection.best.variants, selection.best.fit):
                 return
             self._searched[frozenset(selection.best.variants)] = selection.best.fit.chi_square
             for neighbourhood in self._neighbourhoods(selection.best):
                 self._race(neighbourhood)
+
+    def _is_searched(self, variants: Sequence[Variant], fit: Fit) -> bool:
+        """Return whether causes have been added to a fit that is as good."""
+        return self._searched.get(frozenset(variants), math.inf) <= fit.chi_square + MARGIN
 
     def _neighbourhoods(self, best: Explanation) -> Iterator[Neighbourhood]:
         """Yield the neighbourhoods of an explanation: with each cause dropped or exchanged, and with one cause more."""
@@ -201,9 +202,10 @@ class Search:
                     rivals = self._rivals(root, kept)
                     same = [rival for rival in rivals if rival.cause.id == dropped.cause.id]
                     others = _best_of_each_cause([rival for rival in rivals if rival.cause.id != dropped.cause.id])
-                    if self._searched.get(frozenset(kept), math.inf) <= root.chi_square + MARGIN:
+                    if self._is_searched(kept, root):
                         # Only other variants have not been added to the same fit.
                         same, others = [rival for rival in same if rival.variant != dropped], []
+                    self._searched[frozenset(kept)] = root.chi_square
                     yield Neighbourhood(kept, root, [*same, *others[:ADDED_CAUSES]])
         if len(best.variants) < self._max_causes and not (best.passed and best.fit.misfit < OVERSTATED):
             rivals = _best_of_each_cause(self._rivals(best.fit, best.variants))
@@ -273,7 +275,7 @@ class Search:
         selection.evaluations = base.evaluations + len(selection.directions)
         ranked = rank(selection.directions, selection.penalty)
         leading = _best_of_each_cause(ranked)[:LEADING_CAUSES]
-        least = self._least_prediction(ranked)
+        least = self._least_prediction(base, ranked)
         likely = [
             effect
             for effect in ranked
@@ -290,20 +292,21 @@ class Search:
             self._race(Neighbourhood((), base, unlikely))
         raced = {single.variants[0].cause.id for single in selection.singles}
         # The others are listed with the gain that their linear effect predicts.
-        rest = [effect for effect in ranked if not effect.far and effect.cause.id not in raced]
+        others = [effect for effect in ranked if not effect.far and effect.cause.id not in raced]
+        rest = _best_of_each_cause(others)
         selection.add(*(selection.explain((each.variant,), with_null(each.model, base), each.score) for each in rest))
 
-    def _least_prediction(self, ranked: Sequence[Direction]) -> float:
+    def _least_prediction(self, root: Fit, ranked: Sequence[Direction]) -> float:
         """Return the least predicted evidence of variants that race; minus infinity where predictions are unsafe.
 
-        Effects are small on an adequate base, and where the linear effect of one variant explains the misfit.
+        Effects are small on an adequate root, and where the linear effect of one variant explains the misfit.
         """
-        selection, base = self.selection, self.selection.base
+        selection = self.selection
         if selection.discrepancy is not None or not ranked:
             return -math.inf
-        if base.adequacy.passed:
+        if root.adequacy.passed:
             return selection.threshold - MARGIN
-        if base.chi_square - max(effect.score for effect in ranked) > MISFIT_LIMIT * base.expected_chi_square:
+        if root.chi_square - max(effect.score for effect in ranked) > MISFIT_LIMIT * root.expected_chi_square:
             return -math.inf
         return PREDICTED_SHARE * max(effect.predicted_evidence(selection.penalty) for effect in ranked)
 
@@ -364,9 +367,10 @@ class Search:
             extensions, _ = list_variants(root, ALTERNATIVES)
             effects = [effect for effect in directions(root, extensions, selection.workers) if effect.slopes.shape[1]]
             selection.evaluations += len(effects)
-            alternatives = Neighbourhood(
-                kept, root, rank(effects, selection.penalty), best.fit.values, best.fit.chi_square, alternatives=True
-            )
+            ranked = rank(effects, selection.penalty)
+            least = self._least_prediction(root, ranked)
+            likely = [effect for effect in ranked if effect.predicted_evidence(selection.penalty) >= least]
+            alternatives = Neighbourhood(kept, root, likely, best.fit.values, best.fit.chi_square, alternatives=True)
             for alternative in race(alternatives, selection, self._report):
                 selection.alternatives = best_of_each([*selection.alternatives, alternative])
 

@@ -32,8 +32,6 @@ TOLERANCE_OF_BASE = 1e-10
 """Relative change of the cost and of the variables at which the base on few lines has converged."""
 EVALUATIONS_OF_START = 8
 """Evaluations that every start gets on few lines before the starts are compared."""
-CONTINUED_STARTS = 2
-"""Number of starts, the best ones, whose fits on few lines continue."""
 LARGE_SIZE = 3.0
 """Large sizes from which fits start, as a multiple of the typical size."""
 JOINT_FACTOR = 2.0

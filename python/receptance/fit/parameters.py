@@ -164,10 +164,16 @@ class ParameterMap:
         return np.column_stack([first, np.where(last == first, -1, last)])
 
     @cached_property
+    def _is_based(self) -> NDArray[np.bool_]:
+        """`(m,)` mask of the parameters with an unknown in b."""
+        mask: NDArray[np.bool_] = np.any(self.multiples, axis=1)
+        return mask
+
+    @cached_property
     def based(self) -> frozenset[str]:
         """Addresses with an unknown in b."""
         return frozenset(
-            name for name, base in zip(self.addresses, self.bases[:, 0].tolist(), strict=True) if base >= 0
+            name for name, is_based in zip(self.addresses, self._is_based.tolist(), strict=True) if is_based
         )
 
     @cached_property
@@ -211,7 +217,7 @@ class ParameterMap:
         shared = rows >= 0
         factor, fixed, shifts = np.ones(rows.size), more.fixed.copy(), np.zeros(rows.size)
         factor[shared], fixed[shared], shifts[shared] = (part[rows[shared]] for part in parts)
-        fixed[more.bases[:, 0] >= 0] = 0.0
+        fixed[more._is_based] = 0.0
         return replace(more, fixed=fixed, multiples=more.multiples * factor[:, None]), shifts
 
     def joined(self, more: ParameterMap, at: int) -> ParameterMap:
@@ -226,7 +232,7 @@ class ParameterMap:
         rows = np.array([self.numbers.get(address, -1) for address in more.addresses], dtype=np.intp)
         rows[fresh] = np.arange(len(self.addresses), size)
         fixed = np.concatenate([self.fixed, more.fixed[fresh]])
-        fixed[rows[more.bases[:, 0] >= 0]] = 0.0
+        fixed[rows[more._is_based]] = 0.0
 
         def matrix(before: NDArray[np.float64], further: NDArray[np.float64]) -> NDArray[np.float64]:
             result = np.zeros((size, before.shape[1] + count))
@@ -557,9 +563,11 @@ def _has(address: str, sites: Sequence[Site]) -> bool:
 def _dense(rows: _SparseRows, addresses: Sequence[str], width: int) -> NDArray[np.float64]:
     """Return the rows of addresses as a matrix."""
     result = np.zeros((len(addresses), width))
-    for i, address in enumerate(addresses):
-        if row := rows.get(address):
-            result[i, list(row)] = list(row.values())
+    present = [(i, row) for i, address in enumerate(addresses) if (row := rows.get(address))]
+    if not present:
+        return result
+    numbers = [i for i, row in present for _ in row]
+    result[numbers, [j for _, row in present for j in row]] = [value for _, row in present for value in row.values()]
     return result
 
 
