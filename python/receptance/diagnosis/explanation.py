@@ -12,7 +12,7 @@ from receptance.diagnosis.fitting import DiscrepancyFit, Fit
 from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.screening import Direction
 from receptance.diagnosis.text import Size
-from receptance.diagnosis.thresholds import BEHIND, BEHIND_SHARE, LISTED
+from receptance.diagnosis.thresholds import BEHIND, LISTED
 from receptance.fit.adequacy import Adequacy, misfit_limit
 from receptance.fit.discrepancy import Discrepancy
 
@@ -143,14 +143,14 @@ def behind_limit(without: float, found: Iterable[float]) -> float:
     It follows from chi-square without a cause and that of the explanations.
     """
     best = min([without, *found])
-    return best + BEHIND + BEHIND_SHARE * (without - best)
+    return best + BEHIND
 
 
 @dataclass(eq=False)
 class Selection:
     """All fits of a diagnosis.
 
-    The evidence of every explanation is relative to `base`. The methods `add` and `replace_base` keep it so.
+    The evidence of every explanation is relative to `base`.
     """
 
     base: Fit
@@ -231,12 +231,6 @@ class Selection:
     def add(self, *found: Explanation) -> None:
         """Add explanations; of each set of causes the best one is kept."""
         self.explanations = best_of_each([*self.explanations, *found])
-
-    def replace_base(self, base: Fit) -> None:
-        """Replace the fit of the base by a better one; all evidence becomes relative to it."""
-        less = self.gain(base.chi_square)
-        self.base = base
-        self.explanations = [explanation.with_gain(explanation.gain - less) for explanation in self.explanations]
 
     @property
     def evaluations_per_second(self) -> float:

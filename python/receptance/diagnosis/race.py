@@ -21,9 +21,7 @@ from receptance.diagnosis.starts import starts_from_singles, starts_of
 from receptance.diagnosis.thresholds import (
     BEHIND,
     CONTINUED_SHARE,
-    KEPT_ON_INTERRUPT,
     LEADING_CAUSES,
-    LEAST_CONTINUED,
     MARGIN,
 )
 from receptance.fit.adequacy import MISFIT_LIMIT
@@ -89,7 +87,7 @@ def race(neighbourhood: Neighbourhood, selection: Selection, progress: Progress)
         yield from _finish(neighbourhood, latest, selection, progress)
     except KeyboardInterrupt:
         latest = sorted(dict(explored).items(), key=lambda pair: pair[1].chi_square)
-        for rival, exploration in first_of_each(latest, lambda pair: pair[0].cause.id)[:KEPT_ON_INTERRUPT]:
+        for rival, exploration in first_of_each(latest, lambda pair: pair[0].cause.id)[:LEADING_CAUSES]:
             if exploration.best is not None:
                 yield selection.explain((*neighbourhood.kept, rival.variant), exploration.best)
         raise
@@ -139,7 +137,7 @@ def _explore(
         return min(short[i].chi_square, math.inf if rivals[i].far else predicted) + selection.penalty * rivals[i].count
 
     near = [i for i in sorted(range(len(rivals)), key=prospect) if prospect(i) <= limit]
-    near = near[: max(LEAST_CONTINUED, math.ceil(CONTINUED_SHARE * len(rivals)))]
+    near = near[: math.ceil(CONTINUED_SHARE * len(rivals))]
     fits = [partial(short[i].go_on, [start for group in starts[i][1:] for start in group]) for i in near]
     titles = [f"{titles[i]}, continued" for i in near]
     for i, exploration in zip(near, progress.run(neighbourhood.stage, titles, fits, selection.workers), strict=True):
@@ -159,11 +157,10 @@ def _finish(
     leaders: dict[str, float] = {}
     rivals: list[tuple[Direction, Exploration]] = []
     for rival, exploration in explored:
-        is_leading = len(leaders) < LEADING_CAUSES and not math.isfinite(neighbourhood.adequate)
         # A variant far behind another one of its cause is not needed.
         is_close = exploration.chi_square <= leaders.setdefault(rival.cause.id, exploration.chi_square) + BEHIND
-        gains = root.chi_square - exploration.chi_square >= MARGIN or (is_leading and not root.adequacy.passed)
-        if is_close and gains and (is_leading or exploration.chi_square <= limit):
+        gains = root.chi_square - exploration.chi_square >= MARGIN
+        if is_close and gains and exploration.chi_square <= limit:
             rivals.append((rival, exploration))
         elif exploration.best is not None:
             better = rival.far or exploration.chi_square < root.chi_square

@@ -34,26 +34,20 @@ from receptance.diagnosis.screening import (
     first_of_each,
     in_common_basis,
     list_variants,
-    look_alike,
     rank,
 )
 from receptance.diagnosis.starts import fit_again, fit_levels, has_levels
 from receptance.diagnosis.thresholds import (
     ADDED_CAUSES,
-    ADDED_EVIDENCE,
     LEADING_CAUSES,
     LEAST_SHARE,
-    LOOK_ALIKE,
     MARGIN,
-    OVERSTATED,
     PREDICTED_SHARE,
-    ROOTS,
     SCREENING_LIMIT,
 )
 from receptance.diagnosis.unknown_spindle import ChooseModes, beside_modes, lead_with_any_spindle, unstrained
 from receptance.fit.adequacy import MISFIT_LIMIT
 from receptance.fit.discrepancy import Discrepancy
-from receptance.fit.problem import CONVERGED
 
 
 def select(
@@ -190,24 +184,21 @@ class Search:
     def _neighbourhoods(self, best: Explanation) -> Iterator[Neighbourhood]:
         """Yield the neighbourhoods of an explanation: with each cause dropped or exchanged, and with one cause more."""
         selection = self.selection
-        if len(best.variants) == 1:
-            yield self._others_alone(best)
-        else:
-            for dropped in best.variants:
-                kept = tuple(variant for variant in best.variants if variant != dropped)
-                root = self._refit(kept, best.fit.values)
-                if root is not None:
-                    selection.evaluations += root.evaluations
-                    selection.add(selection.explain(kept, root))
-                    rivals = self._rivals(root, kept)
-                    same = [rival for rival in rivals if rival.cause.id == dropped.cause.id]
-                    others = _best_of_each_cause([rival for rival in rivals if rival.cause.id != dropped.cause.id])
-                    if self._is_searched(kept, root):
-                        # Only other variants have not been added to the same fit.
-                        same, others = [rival for rival in same if rival.variant != dropped], []
-                    self._searched[frozenset(kept)] = root.chi_square
-                    yield Neighbourhood(kept, root, [*same, *others[:ADDED_CAUSES]])
-        if len(best.variants) < self._max_causes and not (best.passed and best.fit.misfit < OVERSTATED):
+        for dropped in best.variants if len(best.variants) > 1 else ():
+            kept = tuple(variant for variant in best.variants if variant != dropped)
+            root = self._refit(kept, best.fit.values)
+            if root is not None:
+                selection.evaluations += root.evaluations
+                selection.add(selection.explain(kept, root))
+                rivals = self._rivals(root, kept)
+                same = [rival for rival in rivals if rival.cause.id == dropped.cause.id]
+                others = _best_of_each_cause([rival for rival in rivals if rival.cause.id != dropped.cause.id])
+                if self._is_searched(kept, root):
+                    # Only other variants have not been added to the same fit.
+                    same, others = [rival for rival in same if rival.variant != dropped], []
+                self._searched[frozenset(kept)] = root.chi_square
+                yield Neighbourhood(kept, root, [*same, *others[:ADDED_CAUSES]])
+        if len(best.variants) < self._max_causes:
             rivals = _best_of_each_cause(self._rivals(best.fit, best.variants))
             # Far from the data predictions mean little.
             if best.fit.misfit <= SCREENING_LIMIT:
@@ -215,34 +206,8 @@ class Search:
                 rivals = [rival for rival in rivals if rival.predicted_evidence(selection.penalty) > limit][
                     :ADDED_CAUSES
                 ]
-            least = best.evidence + max(selection.threshold, ADDED_EVIDENCE)
+            least = best.evidence + max(selection.threshold, MARGIN)
             yield Neighbourhood(best.variants, best.fit, rivals, least=least)
-
-    def _others_alone(self, best: Explanation) -> Neighbourhood:
-        """Return the causes with an effect like that of a single one, and its other variants.
-
-        The joint of the best explanation is closer to the solution than that of the base, from which the right cause
-        may end in a local minimum.
-        """
-        selection = self.selection
-        self._refit_base(best)
-        (variant,) = best.variants
-        leading = next((each for each in selection.directions if each.variant == variant), None)
-        rivals = [
-            each
-            for each in selection.directions
-            if leading is not None
-            and each.variant != variant
-            and not each.cause.changes_data
-            and (look_alike(each, leading) >= LOOK_ALIKE or (each.far and each.cause.id == variant.cause.id))
-        ]
-        return Neighbourhood((), selection.base, rank(rivals, selection.penalty), best.fit.values)
-
-    def _refit_base(self, best: Explanation) -> None:
-        """Fit the base from an explanation, and replace it if that is better: it may be in a local minimum."""
-        again = self._refit((), best.fit.values)
-        if again is not None and again.chi_square < self.selection.base.chi_square - CONVERGED:
-            self.selection.replace_base(again)
 
     def _refit(self, variants: Sequence[Variant], values: Mapping[str, float]) -> Fit | None:
         """Return the base with causes, fitted from values of unknowns; None where it has no value."""
@@ -274,14 +239,12 @@ class Search:
         )
         selection.evaluations = base.evaluations + len(selection.directions)
         ranked = rank(selection.directions, selection.penalty)
-        leading = _best_of_each_cause(ranked)[:LEADING_CAUSES]
         least = self._least_prediction(base, ranked)
         likely = [
             effect
             for effect in ranked
             # A parameter that only shapes the effect of others has none to first order.
             if effect.far
-            or effect in leading
             or all(parameter.secondary for parameter in effect.parameters.values())
             or effect.predicted_evidence(selection.penalty) >= least
         ]
@@ -322,7 +285,7 @@ class Search:
         # The order by evidence means little here: the right cause can be last if all fits are in the wrong optimum.
         levels = has_levels(selection.base.model)
         together = [each for each in selection.tried if selection.singles[0].ids <= each.ids] if levels else []
-        again = list(dict.fromkeys([*selection.explanations[:1], *selection.singles[:ROOTS], *together]))
+        again = list(dict.fromkeys([*selection.explanations[:1], *selection.singles[:LEADING_CAUSES], *together]))
         titles = [f"{each.title}, from its own starting values" for each in again]
         fits = [partial(fit_or_none, partial(fit_again, each.fit)) for each in again]
         for each, fit in zip(again, self._report.run("together", titles, fits, selection.workers), strict=True):

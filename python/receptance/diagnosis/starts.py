@@ -15,7 +15,7 @@ import numpy as np
 from receptance.diagnosis.fitting import Fit, fit_base, refit
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.screening import Direction
-from receptance.diagnosis.thresholds import JOINT_FACTOR, LARGE_SIZE, WORSE_LEVEL
+from receptance.diagnosis.thresholds import LARGE_SIZE, WORSE_LEVEL
 from receptance.fit.observation import Observation
 from receptance.fit.unknowns import Law
 
@@ -24,14 +24,12 @@ def starts_of(direction: Direction, fit: Fit) -> list[list[dict[str, float]]]:
     """Return starting values for fits of a cause: null and the linear estimate, then large sizes of either sign.
 
     Secondary parameters also start at their typical values, because the linear estimate of these is inaccurate. Where
-    the cause has no linear effect on the fit, the only start is null with a stiffer joint.
+    the cause has no linear effect on the fit, the only start is null.
     """
     values, parameters = fit.values, direction.parameters
     null = {name: parameter.start for name, parameter in parameters.items()}
     if direction.far:
-        joints = {a for field in ("k_y", "k_theta", "k_ytheta") for a in fit.model.joint_addresses(field)}
-        stiffer = {u.name: JOINT_FACTOR * values[u.name] for u in fit.task.parameters.unknowns if u.address in joints}
-        return [[{**values, **stiffer, **null}]]
+        return [[{**values, **null}]]
     if direction.variant.begin is not None:
         null |= direction.variant.begin(direction.model, {**values, **null})
     starts = [null]

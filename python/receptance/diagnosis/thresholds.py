@@ -34,9 +34,6 @@ EVALUATIONS_OF_START = 8
 """Evaluations that every start gets on few lines before the starts are compared."""
 LARGE_SIZE = 3.0
 """Large sizes from which fits start, as a multiple of the typical size."""
-JOINT_FACTOR = 2.0
-"""Factor of the joint stiffnesses from which the fit of a cause without a linear effect starts: a joint along the
-insertion is stiffer than the joint at its mouth."""
 WORSE_LEVEL = 1.5
 """Ratio of the misfits of neighbouring levels from which a level is fitted from its own starting values as well."""
 
@@ -65,31 +62,19 @@ they have the same effect: products of derivatives do not resolve smaller differ
 MARGIN = 10.0
 """Difference of evidence within which explanations are reported together, and below which a gain on few lines does not
 justify a fit on all lines."""
-ADDED_EVIDENCE = 20.0
-"""Evidence that a further cause must add. An unknown effect is often imitated by a pair of weak causes."""
-OVERSTATED = 0.8
-"""Misfit of an adequate explanation below which no further cause is sought: its residuals are smaller than the stated
-noise."""
-ROOTS = 3
-"""Explanations to which further causes are added."""
 ADDED_CAUSES = 6
 """Further causes that are fitted with each of them."""
 SCREENING_LIMIT = 20.0
 """Misfit above which linear screening and short fits are unreliable, so every variant is fitted on all lines."""
-KEPT_ON_INTERRUPT = 3
-"""Causes that are evaluated on all lines when a selection is interrupted before their fits, and candidates of the
-answer: each needs its look-alikes and intervals."""
 LEADING_CAUSES = 4
-"""Causes whose best variant is fitted on all lines in any case where the model without them is not adequate."""
+"""Explanations, the highest evidence first, with which a search goes on: other modes are chosen beside them, they are
+fitted again from their own starting values, and they are kept where a race is interrupted."""
 BEHIND = 60.0
-BEHIND_SHARE = 0.3
-"""An explanation is only evaluated on all lines if its chi-square on few lines exceeds the best one by more than
-BEHIND plus this share of the gain of the best one. By the same rule on all lines no cause is added to it, and on the
-other configurations it is left out of a fold."""
+"""Chi-square on few lines by which an explanation may be behind the best one to be fitted on all lines; on all lines to
+have causes added, and on the other configurations to take part in a fold."""
 
 CONTINUED_SHARE = 1.0 / 3.0
-LEAST_CONTINUED = 12
-"""Share of the rivals of a race, and least number of them, that get further starts after the short fits."""
+"""Share of the rivals of a race that get further starts after the short fits."""
 
 # Alternatives that are not causes.
 

@@ -21,7 +21,7 @@ from receptance.diagnosis.model import Model
 from receptance.diagnosis.prediction import AveragedAssembly
 from receptance.diagnosis.screening import look_alikes
 from receptance.diagnosis.text import Reason, Size, sizes, title_of
-from receptance.diagnosis.thresholds import KEPT_ON_INTERRUPT, LISTED, MARGIN
+from receptance.diagnosis.thresholds import LEADING_CAUSES, LISTED, MARGIN
 from receptance.errors import ReceptanceError
 from receptance.fit.adequacy import Adequacy
 from receptance.fit.discrepancy import Discrepancy
@@ -191,7 +191,7 @@ class Verdict(Result):
     @cached_property
     def candidates(self) -> tuple[CandidateCause, ...]:
         """Every cause alone, the highest evidence first."""
-        singles = self._causes_of(self.selection.singles[: KEPT_ON_INTERRUPT if self.selection.interrupted else None])
+        singles = self._causes_of(self.selection.singles[: LEADING_CAUSES if self.selection.interrupted else None])
         return tuple(replace(cause, held_out=self.improvement.singles.get(cause.id)) for cause in singles)
 
     @cached_property
