@@ -11,7 +11,7 @@ import pytest
 
 from campaign_text import TEXT, load
 from plain_residuals import truncated
-from receptance import FRF, campaign
+from receptance import FRF, campaign, examples
 from receptance.diagnosis import CATALOGUE, Cause, Variant
 from receptance.diagnosis.explanation import Explanation
 from receptance.diagnosis.fitting import Fit
@@ -113,8 +113,8 @@ def _at_start(model: Model) -> Fit:
     return Fit(model, x, float(residual @ residual), True)
 
 
-UNDECIDABLE = {"flexible_body", "contact_distribution", "spindle_mode", "coarse_resolution"}
-"""Causes that require something absent from the small campaign, such as a rigid body."""
+UNDECIDABLE = {"flexible_body", "contact_distribution", "spindle_mode", "coarse_resolution", "exchanged_files"}
+"""Causes that require something absent from the small campaign, such as a rigid body, or hits at the same places."""
 
 
 @pytest.fixture(scope="module")
@@ -141,6 +141,22 @@ def test_every_cause_can_be_written(small: campaign.Campaign, cause: str, part: 
         assert set(again.measurements) == {"short", "long", "longest"}
         if CATALOGUE[cause].group == "measurement":
             assert not any(name.startswith("cause_") for name in again.assemblies["other"].attachments)
+
+
+def test_exchanged_files_are_named_and_exchanged(tmp_path: Path) -> None:
+    examples.write("free-free", tmp_path)
+    file = tmp_path / "campaign.toml"
+    text = file.read_text(encoding="utf-8")
+    short, medium = 'file = "short.csv"', 'file = "medium.csv"'
+    file.write_text(text.replace(short, "?").replace(medium, short).replace("?", medium), encoding="utf-8")
+    read = campaign.load(file)
+    verdict = read.diagnose(causes=["exchanged_files", "overhang_error", "calibration_gain", "joint_overhang_law"])
+    assert (verdict.verdict, [cause.id for cause in verdict.causes]) == ("named", ["exchanged_files"])
+    assert verdict.causes[0].variant == "short and medium"
+    again = campaign.load(campaign.write_extended(read, verdict, file.with_name("extended.toml")))
+    files = {name: again.contents["measurements"][name]["file"] for name in again.measurements}
+    assert files == {"short": "short.csv", "medium": "medium.csv", "long": "long.csv"}
+    assert again.diagnose(causes=["exchanged_files", "calibration_gain"]).verdict == "adequate"
 
 
 def test_a_frequency_scale_acts_in_measured_assemblies_only(small: campaign.Campaign) -> None:

@@ -131,8 +131,6 @@ _KEYS: Mapping[Kind, Callable[[Observation], Any]] = {
     "record": lambda observation: observation.label,
 }
 """What the records of a scope have in common, the widest scope first."""
-OF_THE_RECORD = ("force", "plane")
-"""Conditions of a record; the others are of its configuration."""
 OF_THE_CHAIN: tuple[Kind, ...] = ("all", "configuration", "response channel", "record")
 """Scopes of an error of the measuring chain."""
 

@@ -9,7 +9,7 @@ from functools import partial
 from typing import TypeVar
 
 from receptance.diagnosis.causes import Cause, Parameter, Variant
-from receptance.diagnosis.changes import OF_THE_RECORD, attach, overhangs_of, require_free, with_places
+from receptance.diagnosis.changes import attach, overhangs_of, require_free, with_places
 from receptance.diagnosis.model import (
     SPRING_TERMS,
     IndescribableError,
@@ -175,7 +175,7 @@ def _condition_law(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant
     require_joint(model)
     names = dict.fromkeys(name for one in model.observations for name in one.conditions)
     lengths = overhangs_of(model)
-    conditions = [name for name in names if name not in OF_THE_RECORD and ".segment[" not in name]
+    conditions = [name for name in names if name not in ("force", "plane") and ".segment[" not in name]
     if "overhang" not in names and len(lengths) == 1:
         conditions += lengths
     chosen = [name for name in conditions if _is_varied(_values(model, name))]

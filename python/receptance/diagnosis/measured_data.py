@@ -32,8 +32,11 @@ def contradictions(observations: Sequence[Observation]) -> Iterator[Reason]:
     """Yield the pairs of records of one configuration, at the same places, that differ by more than their noise.
 
     Their conditions have to be equal, because a joint may depend on them. Lines that both records have are compared.
+    Records of two configurations with the same values, of which one is a copy, follow.
     """
     for first, second in combinations((record for record in observations if record.is_receptance), 2):
+        if first.configuration != second.configuration and np.array_equal(first.receptance, second.receptance):
+            yield Reason("same_values", {"first": first.label, "second": second.label})
         if not _should_be_equal(first, second):
             continue
         lines, a, b = np.intersect1d(first.frequency_hz, second.frequency_hz, return_indices=True)

@@ -15,7 +15,6 @@ import numpy as np
 from receptance._text import join_names
 from receptance.diagnosis.causes import Cause, Parameter, Variant
 from receptance.diagnosis.changes import (
-    OF_THE_RECORD,
     Scope,
     add,
     move,
@@ -401,17 +400,18 @@ def _polarity(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 def _exchange(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     require_receptances(model)
+    if len({record.label for record in model.receptances} - {""}) < len(model.receptances):
+        raise UndecidableError("to exchange records, label each one differently")
+    # Records of two configurations belong together by their places, and in order among those of the same places.
     records: dict[str, dict[Any, Observation]] = {name: {} for name in model.configurations}
     for name, record in zip(model.configuration_of, model.observations, strict=True):
         if record.is_receptance:
-            conditions = tuple(record.conditions.get(condition) for condition in OF_THE_RECORD)
-            records[name][place_of(record, record.response), place_of(record, record.excitation), conditions] = record
-    labels = [record.label for of_one in records.values() for record in of_one.values()]
-    if len({*labels, ""}) <= len(model.receptances):
-        raise UndecidableError("FRFs of one configuration at the same places, or with one label, look the same")
+            places = place_of(record, record.response), place_of(record, record.excitation)
+            number = sum(key[:2] == places for key in records[name])
+            records[name][(*places, number)] = record
     pairs = [(a, b) for a, b in combinations(records, 2) if records[a] and records[a].keys() == records[b].keys()]
     if not pairs:
-        raise UndecidableError("no two configurations have FRFs at the same places, force levels and planes")
+        raise UndecidableError("no two configurations have the same number of FRFs at the same places")
     for a, b in pairs:
         others = {
             record.label: records[other][key]

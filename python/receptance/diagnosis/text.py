@@ -242,6 +242,8 @@ SENTENCES = {
         "differ, from {low_hz:.0f} to {high_hz:.0f} Hz, by {misfit:.3g} times the noise: "
         "repeat one of them"
     ),
+    "same_values": "{first} and {second} have the same values, although they are of two configurations: one file was "
+    "copied over the other",
     "no_tolerances": "there are no tolerances: an ordinary deviation may be mistaken for a cause",
     "single_configuration": "there is one configuration: measure {another} to distinguish {sources}",
     "single_mode": "there is one mode in each record: measure up to a second one to distinguish joint and parts",

@@ -164,7 +164,7 @@ class Verdict(Result):
         run += [Reason("fast_diagnosis")] if self.selection.fast else []
         # Records that contradict each other make everything else doubtful.
         reasons = [*run, *self.judgement.reasons, *limits_of(self.selection), *self.data_reasons]
-        return tuple(sorted(reasons, key=lambda reason: reason.code != "contradiction"))
+        return tuple(sorted(reasons, key=lambda reason: reason.code not in ("contradiction", "same_values")))
 
     @property
     def notes(self) -> tuple[str, ...]:
