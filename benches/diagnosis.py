@@ -11,7 +11,7 @@ blind I
 sensor, held out
     Four records of 1,605 lines each, a sensor of 2 g that is not in the model, noise of 1 %, tolerances of dimensions
     and materials, with the improvement on held-out configurations.
-er32, taper
+free-free, hammer, er32, taper
     `receptance diagnose` of the packaged campaigns, start of the program included.
 """
 
@@ -169,7 +169,7 @@ def main() -> None:
     if options.old is not None:
         folder = options.old.resolve()
         commits = {"old": (folder / "venv" / "bin" / "python", folder / "checkout"), **commits}
-    names = [*(f"blind {i}" for i in range(options.cases)), "sensor, held out", "er32", "taper"]
+    names = [*(f"blind {i}" for i in range(options.cases)), "sensor, held out", "free-free", "hammer", "er32", "taper"]
     sys.stdout.write(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}, {options.rounds} rounds\n")
     sys.stdout.write(f"{'':<18}" + "".join(f"{which + ' s':>9}" for which in commits) + f"{'old/new':>9}  verdicts\n")
     table: dict[str, dict[str, list[dict[str, Any]]]] = {}
