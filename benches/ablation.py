@@ -47,6 +47,7 @@ class Rule:
 
 
 RULES = (
+    Rule("look-alikes and other variants from the joint of the best", {"LOOK_ALIKE": 2.0}),
     Rule("restart where nothing is adequate", {}, ((search.Search, "_restart", lambda _: False),)),
     Rule("fits without convergence are continued", {}, ((search.Search, "_finish_best", lambda _: None),)),
     Rule("six further causes", {"ADDED_CAUSES": 10**6}),
@@ -57,6 +58,7 @@ RULES = (
     Rule("four leading explanations (1)", {"LEADING_CAUSES": 1}),
     Rule("fits far behind the best are not finished", {"BEHIND": 1e9}),
     Rule("a third of a race goes on", {"CONTINUED_SHARE": 1.0}),
+    Rule("12 rivals go on (for 12: 1)", {"LEAST_CONTINUED": 1}),
     Rule("large sizes as starts", {"LARGE_SIZE": 1.0}),
     Rule("blocks of compressed data (120: 60)", {"BLOCKS": 60}),
     Rule("levels from their own starts", {"WORSE_LEVEL": math.inf}),

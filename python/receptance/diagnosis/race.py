@@ -22,6 +22,7 @@ from receptance.diagnosis.thresholds import (
     BEHIND,
     CONTINUED_SHARE,
     LEADING_CAUSES,
+    LEAST_CONTINUED,
     MARGIN,
 )
 from receptance.fit.adequacy import MISFIT_LIMIT
@@ -137,7 +138,7 @@ def _explore(
         return min(short[i].chi_square, math.inf if rivals[i].far else predicted) + selection.penalty * rivals[i].count
 
     near = [i for i in sorted(range(len(rivals)), key=prospect) if prospect(i) <= limit]
-    near = near[: math.ceil(CONTINUED_SHARE * len(rivals))]
+    near = near[: max(LEAST_CONTINUED, math.ceil(CONTINUED_SHARE * len(rivals)))]
     fits = [partial(short[i].go_on, [start for group in starts[i][1:] for start in group]) for i in near]
     titles = [f"{titles[i]}, continued" for i in near]
     for i, exploration in zip(near, progress.run(neighbourhood.stage, titles, fits, selection.workers), strict=True):

@@ -34,6 +34,7 @@ from receptance.diagnosis.screening import (
     first_of_each,
     in_common_basis,
     list_variants,
+    look_alike,
     rank,
 )
 from receptance.diagnosis.starts import fit_again, fit_levels, has_levels
@@ -41,6 +42,7 @@ from receptance.diagnosis.thresholds import (
     ADDED_CAUSES,
     LEADING_CAUSES,
     LEAST_SHARE,
+    LOOK_ALIKE,
     MARGIN,
     PREDICTED_SHARE,
     SCREENING_LIMIT,
@@ -184,6 +186,8 @@ class Search:
     def _neighbourhoods(self, best: Explanation) -> Iterator[Neighbourhood]:
         """Yield the neighbourhoods of an explanation: with each cause dropped or exchanged, and with one cause more."""
         selection = self.selection
+        if len(best.variants) == 1:
+            yield self._others_alone(best)
         for dropped in best.variants if len(best.variants) > 1 else ():
             kept = tuple(variant for variant in best.variants if variant != dropped)
             root = self._refit(kept, best.fit.values)
@@ -208,6 +212,25 @@ class Search:
                 ]
             least = best.evidence + max(selection.threshold, MARGIN)
             yield Neighbourhood(best.variants, best.fit, rivals, least=least)
+
+    def _others_alone(self, best: Explanation) -> Neighbourhood:
+        """Return the causes with an effect like that of a single one, and its other variants.
+
+        The joint of the best explanation is closer to the solution than that of the base, from which the right cause
+        may end in a local minimum.
+        """
+        selection = self.selection
+        (variant,) = best.variants
+        leading = next((each for each in selection.directions if each.variant == variant), None)
+        rivals = [
+            each
+            for each in selection.directions
+            if leading is not None
+            and each.variant != variant
+            and not each.cause.changes_data
+            and (look_alike(each, leading) >= LOOK_ALIKE or (each.far and each.cause.id == variant.cause.id))
+        ]
+        return Neighbourhood((), selection.base, rank(rivals, selection.penalty), best.fit.values)
 
     def _refit(self, variants: Sequence[Variant], values: Mapping[str, float]) -> Fit | None:
         """Return the base with causes, fitted from values of unknowns; None where it has no value."""

@@ -74,7 +74,8 @@ BEHIND = 60.0
 have causes added, and on the other configurations to take part in a fold."""
 
 CONTINUED_SHARE = 1.0 / 3.0
-"""Share of the rivals of a race that get further starts after the short fits."""
+LEAST_CONTINUED = 12
+"""Share of the rivals of a race, and least number of them, that get further starts after the short fits."""
 
 # Alternatives that are not causes.
 
