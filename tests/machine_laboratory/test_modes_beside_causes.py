@@ -51,12 +51,9 @@ def test_a_spindle_that_differs_between_overhangs_explains_the_records(tmp_path)
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*clear peaks")
-@pytest.mark.parametrize(("seed", "index"), [(281130, 4), (281204, 2), (281205, 62)])
+@pytest.mark.parametrize(("seed", "index"), [(281130, 4), (281204, 2)])
 def test_modes_explain_a_machine_without_an_effect(tmp_path, seed, index):
-    """With one limit of their frequencies alone, the near or the far one, the steel's density is strained.
-
-    The last one needs the worse fit of both limits, and one more mode.
-    """
+    """With one limit of their frequencies alone, the near or the far one, the steel's density is strained."""
     machine = machine_of(seed, index, ())
     loaded = campaign.load(write(machine, tmp_path, modes="auto"), threads=1)
     verdict = loaded.diagnose(causes=["holder_inertia"], fast=True)
