@@ -276,8 +276,8 @@ def _divide(spring: GroundSpring, springs: Iterable[GroundSpring]) -> _Pieces:
         replace(spring, position=begin + i * length, length=length, weights=weight, name=_piece_name(spring, i))
         for i, weight in enumerate(weights)
     )
-    first = min(float(one.position) for one in springs)
-    whole = max(float(one.position) + one.length for one in springs) - first
+    first = min(float(other.position) for other in springs)
+    whole = max(float(other.position) + other.length for other in springs) - first
     places = tuple(2.0 * (float(piece.position) + 0.5 * piece.length - first) / whole - 1.0 for piece in pieces)
     return _Pieces(pieces, tuple(sum(weight) for weight in weights), places)
 
@@ -287,7 +287,7 @@ def _lay_out(spring: GroundSpring, both: list[GroundSpring], model: Model) -> _P
 
     Places are shares of the distance between the two.
     """
-    first, last = sorted(_position(one, model) for one in both)
+    first, last = sorted(_position(point, model) for point in both)
     if first == last:
         raise UndecidableError("the springs to ground act at the same point")
     each = (last - first) / PIECES

@@ -72,7 +72,9 @@ def attach(
     # Elements of different names are equal.
     attached = model.with_change(_with_points, points, points[0].name)
     limits = {} if scope is None else scope.limits(model)
-    return attached.plus(*(one.unknown(f"{points[0].name}.{field}", **limits) for field, one in parameters.items()))
+    return attached.plus(
+        *(parameter.unknown(f"{points[0].name}.{field}", **limits) for field, parameter in parameters.items())
+    )
 
 
 def _with_points(model: Model, points: Iterable[PointMass | GroundSpring | Resonator], name: str) -> Model:
@@ -212,7 +214,7 @@ def scopes_of(
 
 def add(parameters: Mapping[str, Parameter], scope: Scope, model: Model) -> Model:
     """Return the model with parameters of a cause at addresses, in the records of a scope."""
-    return model.plus(*(one.unknown(address, **scope.limits(model)) for address, one in parameters.items()))
+    return model.plus(*(parameter.unknown(address, **scope.limits(model)) for address, parameter in parameters.items()))
 
 
 def move(

@@ -347,9 +347,9 @@ def evaluate(model: Model, values: Mapping[str, float], *, evaluations: int = 0)
 
 def with_null(model: Model, fit: Fit) -> Fit:
     """Return a model with a further cause, not evaluated: with the values and chi-square of the fit without it."""
-    found = Fit(model, model.task.variables.vector_of(fit.values), fit.chi_square, fit.converged)
-    found.__dict__["adequacy"] = fit.adequacy
-    return found
+    at_null = Fit(model, model.task.variables.vector_of(fit.values), fit.chi_square, fit.converged)
+    at_null.__dict__["adequacy"] = fit.adequacy
+    return at_null
 
 
 @dataclass(frozen=True, eq=False)
@@ -425,8 +425,8 @@ def _short_fits(
     vectors = np.array([model.task.variables.vector_of(values) for values in starts]).reshape(len(starts), -1)
     if far:
         free = np.arange(vectors.shape[1]) < model.task.parameters.count
-        few = problem.thinned(FEWEST_LINES) or problem
-        vectors = np.array([end.x for end in few.fit(vectors, EVALUATIONS_EXPLORING, free=free, least=CONVERGED)])
-        problem.evaluations += few.evaluations * (few is not problem)
+        coarse = problem.thinned(FEWEST_LINES) or problem
+        vectors = np.array([end.x for end in coarse.fit(vectors, EVALUATIONS_EXPLORING, free=free, least=CONVERGED)])
+        problem.evaluations += coarse.evaluations * (coarse is not problem)
     ends = problem.fit(vectors, EVALUATIONS_OF_START, least=CONVERGED)
     return [end for end in ends if np.isfinite(end.cost)]

@@ -102,13 +102,13 @@ def _add_loss(parameter: Parameter, model: Model) -> Model:
 
 def _values(model: Model, condition: str) -> list[float]:
     """Return the values of a condition, or of an address, in all observations that have it."""
-    found = []
+    values = []
     for observation in model.observations:
         if condition in observation.conditions:
-            found.append(float(observation.conditions[condition]))
+            values.append(float(observation.conditions[condition]))
         elif covered(condition, observation.assembly):
-            found.append(observation.assembly.get(condition))
-    return found
+            values.append(observation.assembly.get(condition))
+    return values
 
 
 def _is_varied(values: list[float]) -> bool:
@@ -160,7 +160,7 @@ def _add_laws(
 
 def _is_present(model: Model, address: str) -> bool:
     assemblies = [observation.assembly for observation in model.observations]
-    return model.has(address) or any(covered(address, own) and own.get(address) for own in assemblies)
+    return model.has(address) or any(covered(address, assembly) and assembly.get(address) for assembly in assemblies)
 
 
 def _law_of(condition: str, missing: str, p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -173,7 +173,7 @@ def _law_of(condition: str, missing: str, p: Mapping[str, Parameter], model: Mod
 
 def _condition_law(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     require_joint(model)
-    names = dict.fromkeys(name for one in model.observations for name in one.conditions)
+    names = dict.fromkeys(name for observation in model.observations for name in observation.conditions)
     lengths = overhangs_of(model)
     conditions = [name for name in names if name not in ("force", "plane") and ".segment[" not in name]
     if "overhang" not in names and len(lengths) == 1:
@@ -227,9 +227,9 @@ def _put_collet_between(p: Mapping[str, Parameter], model: Model) -> Model:
 
     def halves(address: str) -> dict[str, float]:
         """Return a parameter of the joint as those of two equal springs: each is twice as stiff as both in series."""
-        own, _, field = address.partition(".")
-        names = (f"{joint}.inner.{field}", f"{joint}.outer.{field}") if own == joint else (address,)
-        return dict.fromkeys(names, 2.0 if own == joint and field in SPRING_TERMS else 1.0)
+        element, _, field = address.partition(".")
+        names = (f"{joint}.inner.{field}", f"{joint}.outer.{field}") if element == joint else (address,)
+        return dict.fromkeys(names, 2.0 if element == joint and field in SPRING_TERMS else 1.0)
 
     changed = with_places(model.rebuild(partial(_with_collet, joint)), halves)
     inertia = f"{joint}.inertia"
@@ -297,7 +297,9 @@ def _spread_over(points: int | None, length: Parameter | None, slope: Parameter 
             return {contact: 1.0}
         part, _, rest = address.partition(".segment[")
         index, _, field = rest.partition("].")
-        if field.startswith("core.") and not any(covered(address, own.assembly) for own in spread.observations):
+        if field.startswith("core.") and not any(
+            covered(address, observation.assembly) for observation in spread.observations
+        ):
             return {}
         addresses = [address]
         if field and field != "length" and not field.startswith("core."):
@@ -317,7 +319,9 @@ def _spread_over(points: int | None, length: Parameter | None, slope: Parameter 
 
 def _mouth(model: Model, anatomy: Anatomy) -> float:
     """Return the length in m of the holder's first segment, the shortest one of all assemblies with the joint."""
-    owners = [own.assembly for own in model.observations if anatomy.joint in own.assembly.elements]
+    owners = [
+        observation.assembly for observation in model.observations if anatomy.joint in observation.assembly.elements
+    ]
     return min(part_of(owner, anatomy.holder[0]).segments[0].length for owner in owners)
 
 

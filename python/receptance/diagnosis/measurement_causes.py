@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import combinations, product
+from itertools import combinations, permutations, product
 from typing import Any, Literal
 
 import numpy as np
@@ -82,7 +82,7 @@ def _add_sensor(mass: Parameter, scope: Scope, model: Model) -> Model:
     heaviest = max(sum(model.parts(name)[0].mass for name in tool) for tool in tools)
     largest = max(SENSOR_SHARE * heaviest, mass.plausible[1])
     mass = replace(mass, plausible=(0.0, largest), upper=max(mass.upper, LARGE_SIZE * largest))
-    masses = [_masses_at_response(one) for one in model.observations if scope == Scope() or scope.has(one)]
+    masses = [_masses_at_response(record) for record in model.observations if scope == Scope() or scope.has(record)]
     changed = model.with_change(_with_sensors)
     if not any(masses):
         return changed.plus(mass.unknown("cause_sensor.mass", **scope.limits(model)))
@@ -413,11 +413,8 @@ def _exchange(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if not pairs:
         raise UndecidableError("no two configurations have the same number of FRFs at the same places")
     for a, b in pairs:
-        others = {
-            record.label: records[other][key]
-            for other in (a, b)
-            for key, record in records[a if other == b else b].items()
-        }
+        partners = [(records[a][key], records[b][key]) for key in records[a]]
+        others = {record.label: other for pair in partners for record, other in permutations(pair)}
         yield Variant(
             f"{a} and {b}",
             partial(_exchange_records, others),
@@ -458,7 +455,7 @@ def _truncation(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
 
 
 def _truncate(parameter: Parameter, scope: Scope, model: Model) -> Model:
-    records = [ALL_RECORDS] if scope == Scope() else [one.label for one in model.receptances if scope.has(one)]
+    records = [ALL_RECORDS] if scope == Scope() else [record.label for record in model.receptances if scope.has(record)]
     ends = [model.ends[name] for name in records if name in model.ends]
     if not ends:
         raise UndecidableError(f"no record of the scope {scope.name!r} breaks off while the structure still rings")
@@ -467,7 +464,7 @@ def _truncate(parameter: Parameter, scope: Scope, model: Model) -> Model:
         END, lower=_EARLIEST * end, upper=_LATEST * end, **scope.limits(model)
     )
     # A stepped sine has no end.
-    ended = scope.change(model, lambda one: altered(one, ends=end) if one.force is None else one)
+    ended = scope.change(model, lambda record: altered(record, ends=end) if record.force is None else record)
     return ended.plus(unknown)
 
 

@@ -217,7 +217,7 @@ def _of_sides(
 def _stated_along(model: Model, moves: Mapping[str, float]) -> list[float]:
     """Return the stated values of the parameters that moves change."""
     assemblies = [observation.assembly for observation in model.observations]
-    return [own.get(name) for own in assemblies for address in moves for name in covered(address, own)]
+    return [assembly.get(name) for assembly in assemblies for address in moves for name in covered(address, assembly)]
 
 
 def _move_losses(loss: Parameter, sides: Sequence[str], model: Model) -> Model:

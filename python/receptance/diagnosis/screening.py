@@ -79,10 +79,10 @@ class Direction:
     @property
     def typical_gain(self) -> float | None:
         """Increase of chi-square by the typical size; None where the effect is not linear in the parameters."""
-        own = list(self.parameters.values())
-        if not own or self.slopes.shape[1] != len(own):
+        parameters = list(self.parameters.values())
+        if not parameters or self.slopes.shape[1] != len(parameters):
             return None
-        change = self.slopes @ np.array([0.0 if one.secondary else one.typical - one.null for one in own])
+        change = self.slopes @ np.array([0.0 if p.secondary else p.typical - p.null for p in parameters])
         return float(change @ change)
 
     def predicted_evidence(self, penalty: float) -> float:
@@ -97,12 +97,11 @@ def list_variants(fit: Fit, causes: Sequence[Cause]) -> tuple[list[tuple[Variant
     """
     extended, undecidable = extensions_of(fit.model, causes)
     changes = [pair for pair in extended if pair[0].cause.changes_data and not pair[0].far]
-    # Files of two configurations are exchanged where nothing fits.
-    exchanged = [pair for pair in extended if pair[0].cause.changes_data and pair[0].far]
-    exchanged = exchanged if fit.misfit > SCREENING_LIMIT else []
+    # The joint has to change first, so that no record is closer to the model yet: only where nothing fits.
+    far = [pair for pair in extended if pair[0].cause.changes_data and pair[0].far and fit.misfit > SCREENING_LIMIT]
     inadequate = not fit.adequacy.passed
     others = [(v, model) for v, model in extended if not v.cause.changes_data and (inadequate or not v.cause.large)]
-    return [*others, *_improving(changes, fit), *exchanged], undecidable
+    return [*others, *_improving(changes, fit), *far], undecidable
 
 
 def extensions_of(
@@ -248,22 +247,22 @@ def _estimate(
     return ends
 
 
-def in_common_basis(found: Sequence[Direction]) -> list[Direction]:
+def in_common_basis(effects: Sequence[Direction]) -> list[Direction]:
     """Return the directions with coordinates in a basis of all of them in place of the derivatives of all residuals.
 
     They have the same scalar products, which is all that thresholds, look-alikes and predictions need, in as many
     numbers as there are derivatives.
     """
-    if not found:
+    if not effects:
         return []
-    counts = np.cumsum([one.slopes.shape[1] for one in found])
-    together = np.hstack([one.slopes for one in found])
+    counts = np.cumsum([effect.slopes.shape[1] for effect in effects])
+    together = np.hstack([effect.slopes for effect in effects])
     coordinates = np.split(square_root(together.T @ together).T, counts[:-1], axis=1)
-    return [replace(one, slopes=coordinate) for one, coordinate in zip(found, coordinates, strict=True)]
+    return [replace(effect, slopes=coordinate) for effect, coordinate in zip(effects, coordinates, strict=True)]
 
 
 def detection_threshold(
-    found: Sequence[Direction],
+    effects: Sequence[Direction],
     penalty: float,
     *,
     deviance: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
@@ -277,7 +276,7 @@ def detection_threshold(
 
     Parameters
     ----------
-    found : sequence of Direction
+    effects : sequence of Direction
         The linear effects of the causes.
     penalty : float
         Penalty of each unknown in evidence.
@@ -290,10 +289,10 @@ def detection_threshold(
     seed : int
         Seed of the draws.
     """
-    visible = [one for one in found if one.slopes.shape[1]]
+    visible = [effect for effect in effects if effect.slopes.shape[1]]
     if not visible:
         return 0.0
-    bases = np.hstack([one.basis for one in visible])
+    bases = np.hstack([effect.basis for effect in visible])
     sizes, vectors = np.linalg.eigh(bases.T @ bases)
     # Many effects are alike: fewer numbers than there are derivatives describe their scalar products with the noise.
     kept = sizes > DEPENDENT * sizes[-1]
@@ -301,17 +300,17 @@ def detection_threshold(
     root = (vectors[:, kept] * np.sign(vectors[:, kept].sum(axis=0)) * np.sqrt(sizes[kept])).astype(np.float32)
     rng = np.random.default_rng([seed, 20])
     noise = rng.standard_normal((root.shape[1], CHANCE_DRAWS), dtype=np.float32)
-    products = np.split(root @ noise, np.cumsum([one.basis.shape[1] for one in visible])[:-1])
+    products = np.split(root @ noise, np.cumsum([effect.basis.shape[1] for effect in visible])[:-1])
     left = rng.chisquare(max(freedom - 1.0, 1.0), CHANCE_DRAWS)
     best = np.full(CHANCE_DRAWS, -np.inf)
-    for one, projected in zip(visible, products, strict=True):
+    for effect, projected in zip(visible, products, strict=True):
         gain = np.sum(np.square(projected), axis=0)
-        if one.one_sided:
+        if effect.one_sided:
             # The sign of a basis is arbitrary.
-            gain[projected[0] * np.sign(one.basis[:, 0] @ one.slopes[:, 0]) <= 0.0] = 0.0
+            gain[projected[0] * np.sign(effect.basis[:, 0] @ effect.slopes[:, 0]) <= 0.0] = 0.0
         if deviance is not None:
             gain = deviance(left + gain) - deviance(left)
-        best = np.maximum(best, gain - penalty * one.count)
+        best = np.maximum(best, gain - penalty * effect.count)
     return float(np.quantile(best, level))
 
 
@@ -336,16 +335,16 @@ def look_alikes(effects: Sequence[Direction], variant: Variant) -> dict[str, flo
     return {id: round(cosine, 4) for id, cosine in similar if cosine >= LOOK_ALIKE}
 
 
-def rank(found: Sequence[Direction], penalty: float) -> list[Direction]:
+def rank(effects: Sequence[Direction], penalty: float) -> list[Direction]:
     """Return the directions of the variants that are fitted, the highest predicted evidence first."""
-    ranked = sorted(found, key=lambda one: -one.predicted_evidence(penalty))
-    counts = dict.fromkeys((one.cause.id for one in found), 0)
+    ranked = sorted(effects, key=lambda effect: -effect.predicted_evidence(penalty))
+    counts = dict.fromkeys((effect.cause.id for effect in effects), 0)
     chosen = []
-    for one in ranked:
+    for effect in ranked:
         # A far variant has no linear prediction and is kept in any case.
-        counts[one.cause.id] += not one.far
-        if one.far or counts[one.cause.id] <= VARIANTS_FITTED:
-            chosen.append(one)
+        counts[effect.cause.id] += not effect.far
+        if effect.far or counts[effect.cause.id] <= VARIANTS_FITTED:
+            chosen.append(effect)
     return chosen
 
 

@@ -165,8 +165,8 @@ RESONANCE_STEP = 0.08
 """Distance of the trial frequencies of a resonator, as a natural logarithm."""
 ORDINARY_MODULUS = 0.15
 ORDINARY_DENSITY = 0.1
-"""Natural logarithms up to which a change is an error of the stated material and not another material. The latter is
-also the one up to which a difference from a simplified drawing is named beside another cause."""
+"""Natural logarithms up to which a change is an error of the stated material and not another material. Beside another
+cause, a difference of holder or spindle from its drawing is named up to `ORDINARY_DENSITY`."""
 DRAWING = 0.25
 """Largest share by which effective density and modulus of holder and spindle plausibly differ from a simplified
 drawing, which leaves out bores, flanges and balancing cut-outs."""

@@ -59,14 +59,13 @@ def _truncation_time(records: Sequence[Observation]) -> float | None:
     A truncated record rings up to its end and is silent from there on.
     """
     # A stepped sine has no end.
-    known = [(record, power) for record in records if record.force is None and (power := _power(record)) is not None]
-    found = [power for _, power in known]
-    periods = [period for period, _ in found]
-    if not found or max(periods) > (1.0 + 1e-6) * min(periods):
+    hits = [(record, power) for record in records if record.force is None and (power := _power(record)) is not None]
+    periods = [period for _, (period, _) in hits]
+    if not hits or max(periods) > (1.0 + 1e-6) * min(periods):
         return None
     first = int(TRUNCATION_FROM * TRUNCATION_POINTS)
     # Each record is normalised by its late power.
-    power = np.sum([one / np.mean(one[first:]) for _, one in found], axis=0)
+    power = np.sum([power / np.mean(power[first:]) for _, (_, power) in hits], axis=0)
     width = int(TRUNCATION_WINDOW * TRUNCATION_POINTS)
     largest, at = 0.0, 0
     for i in range(first, TRUNCATION_POINTS - 4):
@@ -77,11 +76,11 @@ def _truncation_time(records: Sequence[Observation]) -> float | None:
         if step > largest:
             largest, at = step, i
     # The power of few records varies more: every eighth record without an end has a step of 2.5 by chance.
-    if largest <= TRUNCATION_STEP ** max(2.0 / math.sqrt(len(found)), 1.0):
+    if largest <= TRUNCATION_STEP ** max(2.0 / math.sqrt(len(hits)), 1.0):
         return None
     # The window over the band spreads the response by 2 / band, so that it seems to end that much later. A fit that
     # starts late ends in another optimum: over a period of a mode the phase of its end turns once.
-    spread = 2.0 / min(float(np.ptp(one.frequency_hz.real)) for one, _ in known)
+    spread = 2.0 / min(float(np.ptp(record.frequency_hz.real)) for record, _ in hits)
     return at / TRUNCATION_POINTS * periods[0] - spread
 
 
