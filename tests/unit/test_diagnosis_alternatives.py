@@ -28,6 +28,7 @@ from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.judgement import conclude
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.fit import Tolerance
+from receptance.fit.observation import altered
 
 LINES = np.linspace(200.0, 5000.0, 400)
 JOINT = [
@@ -101,6 +102,22 @@ def test_a_better_alternative_is_reported() -> None:
     assert facts["Place"] in verdict.to_html()
     assert verdict.to_dict()["alternative"]["id"] == "mass_somewhere"
     assert any("but a mass at 20 mm of tool, a single change, is at least as likely" in note for note in verdict.notes)
+
+
+def test_a_mass_during_the_stronger_hits_is_no_joint_that_depends_on_the_amplitude() -> None:
+    data = []
+    for seed, (force, mass) in enumerate(((100.0, 0.0), (300.0, 3e-4))):
+        for x in OVERHANGS:
+            true = chain(x, PointMass(mass=mass, part="tool", position=0.02))
+            measured = make_observations(true, x, seed)
+            changes = {"label": f"{x} at {force:g} N", "configuration": f"{x}", "conditions": {"force": force}}
+            data.append(altered(measured, **changes))
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=["joint_amplitude", "sensor_mass"])
+    assert verdict.verdict == "unexplained"
+    assert verdict.alternative is not None
+    assert verdict.alternative.variant == "at 20 mm of tool, force level 300"
+    ((mass, _, _),) = verdict.alternative.parameters.values()
+    assert mass == pytest.approx(3e-4, rel=0.1)
 
 
 @pytest.fixture(scope="module")
