@@ -57,6 +57,7 @@ RULES = (
     Rule("one variant of each cause (for 3)", {"VARIANTS_FITTED": 1}),
     Rule("four leading explanations (1)", {"LEADING_CAUSES": 1}),
     Rule("fits far behind the best are not finished", {"BEHIND": 1e9}),
+    Rule("the distance behind grows with the gain", {"BEHIND_SHARE": 0.0}),
     Rule("a third of a race goes on", {"CONTINUED_SHARE": 1.0}),
     Rule("12 rivals go on (for 12: 1)", {"LEAST_CONTINUED": 1}),
     Rule("large sizes as starts", {"LARGE_SIZE": 1.0}),

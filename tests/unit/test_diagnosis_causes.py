@@ -344,7 +344,7 @@ def test_fits_in_the_background_end_after_an_interrupt() -> None:
 
 
 def test_explanations_far_behind_the_best_one_are_not_fitted_on_all_lines() -> None:
-    assert behind_limit(1000.0, [200.0, 700.0]) == pytest.approx(260.0)
+    assert behind_limit(1000.0, [200.0, 700.0]) == pytest.approx(200.0 + 60.0 + 0.3 * 800.0)
     # Without a cause that gains, the model itself is the best one.
     assert behind_limit(1000.0, [1500.0]) == behind_limit(1000.0, []) == pytest.approx(1060.0)
 

@@ -12,7 +12,7 @@ from receptance.diagnosis.fitting import DiscrepancyFit, Fit
 from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.screening import Direction
 from receptance.diagnosis.text import Size
-from receptance.diagnosis.thresholds import BEHIND, LISTED
+from receptance.diagnosis.thresholds import BEHIND, BEHIND_SHARE, LISTED
 from receptance.fit.adequacy import Adequacy, misfit_limit
 from receptance.fit.discrepancy import Discrepancy
 
@@ -143,7 +143,7 @@ def behind_limit(without: float, found: Iterable[float]) -> float:
     It follows from chi-square without a cause and that of the explanations.
     """
     best = min([without, *found])
-    return best + BEHIND
+    return best + BEHIND + BEHIND_SHARE * (without - best)
 
 
 @dataclass(eq=False)

@@ -70,8 +70,10 @@ LEADING_CAUSES = 4
 """Explanations, the highest evidence first, with which a search goes on: other modes are chosen beside them, they are
 fitted again from their own starting values, and they are kept where a race is interrupted."""
 BEHIND = 60.0
-"""Chi-square on few lines by which an explanation may be behind the best one to be fitted on all lines; on all lines to
-have causes added, and on the other configurations to take part in a fold."""
+BEHIND_SHARE = 0.3
+"""An explanation is only evaluated on all lines if its chi-square on few lines exceeds the best one by no more than
+BEHIND plus this share of the gain of the best one. By the same rule on all lines no cause is added to it, and on the
+other configurations it is left out of a fold."""
 
 CONTINUED_SHARE = 1.0 / 3.0
 LEAST_CONTINUED = 12
