@@ -71,7 +71,6 @@ RULES = (
     Rule("doubt: one configuration alone", {"ONE_CONFIGURATION": math.inf}),
     Rule("doubt: strained tolerances", {"STRAIN_CHANCE": 0.0}),
     Rule("doubt: few degrees of freedom", {"LEAST_FREEDOM": 0}),
-    Rule("ties of evidence", {"TIE": 0.0}),
     Rule("all doubts", {}, ((judgement, "_doubts", lambda *_: iter(())),)),
     Rule("negligible sizes", {}, ((Explanation, "negligible", frozenset()),)),
     Rule("ordinary sizes of pairs", {}, ((Explanation, "extraordinary", ()),)),

@@ -27,11 +27,12 @@ from receptance.diagnosis.changes import (
     moved_step,
     overhangs_of,
     require_receptances,
+    room_of_step,
     scopes_of,
 )
 from receptance.diagnosis.joint_causes import JOINT_CAUSES
 from receptance.diagnosis.measurement_causes import MEASUREMENT_CAUSES
-from receptance.diagnosis.model import Model, UndecidableError
+from receptance.diagnosis.model import Model, UndecidableError, require_joint
 from receptance.diagnosis.part_causes import (
     PART_CAUSES,
     ToolMaterial,
@@ -110,6 +111,23 @@ def _mass(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         yield Variant(f"{_at(place)}, {scope.name}", change)
 
 
+def _mass_near_tip(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    yield Variant(f"near the tip of {model.tip}", partial(_add_near_tip, p))
+
+
+def _add_near_tip(p: Mapping[str, Parameter], model: Model) -> Model:
+    """Return the model with a mass between the tip and the first of the other places; where it is there is fitted."""
+    tip, longest = model.tip, ALTERNATIVE_PLACES[0] * _shortest(model, model.tip)
+    position = 0.25 * longest
+    towards, away = room_of_step(model, tip, position)
+    if towards == away:
+        raise UndecidableError("the tool has a step there")
+    mass = PointMass(mass=0.0, part=tip, position=position, name="alternative_mass")
+    changed = attach(model.split(tip, position)[0], [mass], {"mass": p["mass"]})
+    moves = moved_step(changed, tip, position)
+    return changed.plus(p["distance"].move(moves, lower=max(towards, -position), upper=min(away, longest - position)))
+
+
 def _support(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     spring = partial(GroundSpring, name="alternative_support")
     # What hangs on its holder has the cause of a suspension there.
@@ -118,6 +136,10 @@ def _support(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         yield Variant(_at(place), partial(_attach, spring, place, {"k_y": p["stiffness"]}))
         fields = {"k_y": p["stiffness"], "c_y": p["damping"]}
         yield Variant(f"{_at(place)}, with a loss", partial(_attach, spring, place, fields))
+    # A hose that sticks in weak hits and slides in strong ones.
+    for scope, place in itertools.product(scopes_of(model, kinds=("force level",)), _places(model)):
+        change = partial(_attach, spring, place, {"k_y": p["stiffness"], "c_y": p["damping"]}, scope=scope)
+        yield Variant(f"{_at(place)}, {scope.name}", change)
 
 
 def _attach(
@@ -296,6 +318,25 @@ def _other_tool(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
             yield Variant(f"of another overhang in the {scope.name}", change)
 
 
+def _other_joint(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    """Yield a joint that is another one in some records: another clamping, or another session."""
+    require_joint(model)
+    for scope in scopes_of(model, kinds=("configuration", "record")):
+        for what, terms in _JOINT_TERMS.items():
+            yield Variant(f"of other {what} in the {scope.name}", partial(_change_joint, p, terms, scope))
+
+
+_JOINT_TERMS = {"stiffnesses": ("k_y", "k_theta"), "stiffnesses and dampings": ("k_y", "k_theta", "c_y", "c_theta")}
+
+
+def _change_joint(p: Mapping[str, Parameter], terms: Iterable[str], scope: Scope, model: Model) -> Model:
+    for term in terms:
+        moves = dict.fromkeys(filter(model.has, model.joint_addresses(term)), 1.0)
+        if moves:
+            model = move(p[f"log_{term}"], moves, scope, model)
+    return model
+
+
 def _resonator(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     yield from resonances(p, model, place=lambda other: (other.tip, 0.0), where=f"on the tip of {model.tip}")
 
@@ -345,6 +386,13 @@ ALTERNATIVES = (
         meaning="a mass",
         anywhere=True,
     ),
+    _alternative(
+        "mass_near_tip",
+        _mass_near_tip,
+        Parameter(name="mass", unit="kg", lower=0.0, upper=2.0, typical=0.005),
+        Parameter(name="distance", unit="m", lower=-0.5, upper=0.5, typical=0.0, secondary=True),
+        meaning="a mass",
+    ),
     _alternative("other_section", _section, _diameter(-0.4, 0.4, 0.02), meaning="another diameter", anywhere=True),
     _alternative("cone", _taper, _diameter(-0.4, 0.4, 0.02), meaning="a taper"),
     _alternative(
@@ -388,6 +436,16 @@ ALTERNATIVES = (
         Parameter(name="length", unit="m", lower=-2e-3, upper=2e-3, typical=2e-4),
         meaning="a tool",
         remedy="compare the records: another blank of the same name, or a tool that slipped between them",
+    ),
+    _alternative(
+        "other_joint",
+        _other_joint,
+        *(
+            Parameter(name=f"log_{term}", unit="", lower=-3.0, upper=3.0, typical=0.1)
+            for term in ("k_y", "k_theta", "c_y", "c_theta")
+        ),
+        meaning="a joint",
+        remedy="clamp that tool again with the same torque and measure it again",
     ),
     _alternative(
         "body_on_the_tip",

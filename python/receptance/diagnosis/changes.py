@@ -18,6 +18,7 @@ import numpy as np
 
 from receptance.diagnosis.causes import Parameter
 from receptance.diagnosis.model import IndescribableError, Model, UndecidableError
+from receptance.diagnosis.thresholds import SHORTENED, START_LENGTH
 from receptance.fit.observation import Observation
 from receptance.fit.unknowns import Law, Move, Tolerance, Unknown
 from receptance.model.addresses import edges_of
@@ -85,6 +86,18 @@ def moved_step(model: Model, part: str, position: float) -> dict[str, float]:
     """Return the moves of the lengths of two segments by which the step at a position moves away from the tip."""
     index = int(np.argmin(np.abs(np.subtract(edges_of(model.parts(part)[0]), position))))
     return {f"{part}.segment[{index - 1}].length": 1.0, f"{part}.segment[{index}].length": -1.0}
+
+
+def room_of_step(model: Model, part: str, position: float, others: Iterable[float] = ()) -> tuple[float, float]:
+    """Return how far a new step may move towards the tip and away from it before it meets a step or a place.
+
+    It has no room where it is on one of them.
+    """
+    fixed = [*model.steps(part), *model.places(part), 0.0, model.parts(part)[0].length, *others]
+    distances = [x - position for x in fixed]
+    if min(map(abs, distances)) < START_LENGTH:
+        return 0.0, 0.0
+    return SHORTENED * max(x for x in distances if x < 0.0), SHORTENED * min(x for x in distances if x > 0.0)
 
 
 def with_places(model: Model, places: Places) -> Model:

@@ -18,7 +18,6 @@ from receptance.diagnosis.thresholds import (
     MARGIN,
     ONE_CONFIGURATION,
     STRAIN_CHANCE,
-    TIE,
 )
 
 Answer = Literal["adequate", "undecided", "named", "suspected", "ambiguous", "partly explained", "unexplained"]
@@ -190,9 +189,9 @@ def _doubts(selection: Selection, explanation: Explanation, limit: float) -> Ite
     if explanation.evidence <= limit + MARGIN and selection.discrepancy is None:
         yield doubt("near_threshold")
     no_more = (other for other in selection.alternatives if len(other.variants) <= len(explanation.variants))
-    alternative = next((other for other in no_more if other.evidence > explanation.evidence + TIE), None)
+    alternative = next((other for other in no_more if other.evidence > explanation.evidence - MARGIN), None)
     if alternative is not None:
-        yield doubt("alternative_likely", alternative=alternative.place)
+        yield doubt("alternative_near", alternative=alternative.place)
     if explanation.fit.degrees_of_freedom < LEAST_FREEDOM:
         yield doubt("few_degrees", **_freedom(explanation.fit))
     strain = explanation.adequacy.strain

@@ -22,6 +22,7 @@ from receptance.diagnosis.changes import (
     place_of,
     require_free,
     require_receptances,
+    room_of_step,
     scopes_of,
 )
 from receptance.diagnosis.model import (
@@ -36,7 +37,6 @@ from receptance.diagnosis.thresholds import (
     LARGE_SIZE,
     SAME_PLACE,
     SENSOR_SHARE,
-    SHORTENED,
     START_LENGTH,
     SUSPENSION_PLACES,
     TIP_STEP,
@@ -331,19 +331,12 @@ def _with_ropes(model: Model, places: Sequence[Place]) -> Model:
 
 
 def _room(model: Model, place: Place, places: Sequence[Place]) -> tuple[float, float]:
-    """Return how far a rope may move towards the tip and away from it before it meets a step, a place or another rope.
-
-    A rope at the end of a part, or at a fixed place, stays there.
-    """
+    """Return how far a rope may move towards the tip and away from it; one at the end of a part stays there."""
     part, position = place
     if position == "end":
         return 0.0, 0.0
-    others = [0.5 * (position + at) for owner, at in places if owner == part and at != position and at != "end"]
-    fixed = [*model.steps(part), *model.places(part), 0.0, model.parts(part)[0].length, *others]
-    distances = [x - position for x in fixed]
-    if min(map(abs, distances)) < START_LENGTH:
-        return 0.0, 0.0
-    return SHORTENED * max(x for x in distances if x < 0.0), SHORTENED * min(x for x in distances if x > 0.0)
+    halfway = [0.5 * (position + at) for owner, at in places if owner == part and at != position and at != "end"]
+    return room_of_step(model, part, position, halfway)
 
 
 def _at(lengths: Mapping[str, float], share: float) -> Place:

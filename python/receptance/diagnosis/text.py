@@ -186,7 +186,7 @@ _DOUBTS = {
     "fast": "a fast diagnosis names no cause",
     "unusual_size": "its size is unusual: {sizes}; check the drawing or the stated value",
     "near_threshold": "its effect is near the detection threshold",
-    "alternative_likely": "{alternative} is more likely",
+    "alternative_near": "{alternative} explains the data about as well",
     "few_degrees": _FREEDOM,
     "strained": "its errors of the tolerances are beyond the 1 % level, in standard deviations {errors}",
     "window_at_table": "an exponential window has a similar effect, and cannot be tried with a table of receptances",

@@ -15,8 +15,6 @@ BLOCKS = 120
 
 # Fits.
 
-TIE = 0.01
-"""Difference of evidence below which two explanations are equal: fits end within less than this of their optimum."""
 EVALUATIONS = 100
 """Most evaluations of a fit on all lines, and of one of the errors of a prediction."""
 EVALUATIONS_OF_BASE = 200
@@ -60,8 +58,8 @@ they have the same effect: products of derivatives do not resolve smaller differ
 # Selection.
 
 MARGIN = 10.0
-"""Difference of evidence within which explanations are reported together, and below which a gain on few lines does not
-justify a fit on all lines."""
+"""Difference of evidence within which explanations are reported together, and an alternative raises a doubt. A gain on
+few lines below it does not justify a fit on all lines."""
 ADDED_CAUSES = 6
 """Further causes that are fitted with each of them."""
 SCREENING_LIMIT = 20.0
