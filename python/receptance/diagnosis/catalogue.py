@@ -116,7 +116,10 @@ def _mass_near_tip(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant
 
 
 def _add_near_tip(p: Mapping[str, Parameter], model: Model) -> Model:
-    """Return the model with a mass between the tip and the first of the other places; where it is there is fitted."""
+    """Return the model with a mass near the tip, whose place is fitted.
+
+    It lies between the tip, where a sensor's mass is a cause, and the first of the other places.
+    """
     tip, longest = model.tip, ALTERNATIVE_PLACES[0] * _shortest(model, model.tip)
     position = 0.25 * longest
     towards, away = room_of_step(model, tip, position)
@@ -125,7 +128,7 @@ def _add_near_tip(p: Mapping[str, Parameter], model: Model) -> Model:
     mass = PointMass(mass=0.0, part=tip, position=position, name="alternative_mass")
     changed = attach(model.split(tip, position)[0], [mass], {"mass": p["mass"]})
     moves = moved_step(changed, tip, position)
-    return changed.plus(p["distance"].move(moves, lower=max(towards, -position), upper=min(away, longest - position)))
+    return changed.plus(p["distance"].move(moves, lower=max(towards, -0.5 * position), upper=min(away, longest - position)))
 
 
 def _support(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
