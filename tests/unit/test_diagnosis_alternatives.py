@@ -126,8 +126,8 @@ def test_a_mass_near_the_tip_is_located() -> None:
     assert verdict.verdict not in ("named", "partly explained")
     (near,) = [other for other in verdict.alternatives if other.id == "mass_near_tip"]
     assert near.parameters["mass_near_tip.mass"][0] == pytest.approx(6e-4, rel=0.2)
-    # It starts at a quarter of the way to the first of the other places, a fifth of the shortest tool.
-    assert 0.25 * 0.2 * 0.05 + near.parameters["mass_near_tip.distance"][0] == pytest.approx(0.007, abs=1e-3)
+    # It starts half way to the first of the other places, a fifth of the shortest tool.
+    assert 0.5 * 0.2 * 0.05 + near.parameters["mass_near_tip.distance"][0] == pytest.approx(0.007, abs=1e-3)
 
 
 def test_a_tool_that_was_clamped_otherwise_has_no_other_frequencies() -> None:

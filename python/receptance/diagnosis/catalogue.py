@@ -118,17 +118,16 @@ def _mass_near_tip(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant
 def _add_near_tip(p: Mapping[str, Parameter], model: Model) -> Model:
     """Return the model with a mass near the tip, whose place is fitted.
 
-    It lies between the tip, where a sensor's mass is a cause, and the first of the other places.
+    It lies before the first of the other places, and apart from the tip, where a sensor's mass is a cause.
     """
-    tip, longest = model.tip, ALTERNATIVE_PLACES[0] * _shortest(model, model.tip)
-    position = 0.25 * longest
+    tip, position = model.tip, 0.5 * ALTERNATIVE_PLACES[0] * _shortest(model, model.tip)
     towards, away = room_of_step(model, tip, position)
     if towards == away:
         raise UndecidableError("the tool has a step there")
     mass = PointMass(mass=0.0, part=tip, position=position, name="alternative_mass")
     changed = attach(model.split(tip, position)[0], [mass], {"mass": p["mass"]})
     moves = moved_step(changed, tip, position)
-    return changed.plus(p["distance"].move(moves, lower=max(towards, -0.5 * position), upper=min(away, longest - position)))
+    return changed.plus(p["distance"].move(moves, lower=max(towards, -0.5 * position), upper=min(away, position)))
 
 
 def _support(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -163,6 +162,9 @@ def _section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         if isinstance(part, Part)
         for index in range(len(part.segments))
     }
+    if any(len(part.segments) > 1 for part in model.parts(model.tip)):
+        # The causes of a fluted part and of a diameter near the tip have the first section of several.
+        addresses.discard(f"{model.tip}.segment[0].outer_diameter")
     for address in sorted(addresses):
         if not model.has(address):
             name = f"of {address.removesuffix('.outer_diameter')}"
@@ -306,12 +308,9 @@ def _soft_section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]
 
 def _other_tool(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     """Yield a tool that is another one, or has another overhang, in some records."""
-    scopes = scopes_of(model, kinds=("configuration", "record"))
-    if not scopes:
-        raise UndecidableError("there are no FRFs, or a single one: measure several")
     overhangs = overhangs_of(model)
     fields = {"log_density": f"{model.tip}.segment[*].density", "log_modulus": f"{model.tip}.segment[*].youngs_modulus"}
-    for scope in scopes:
+    for scope in _of_some_records(model):
         for name, address in fields.items():
             if not model.has(address):
                 change = partial(move, p[name], {address: 1.0}, scope)
@@ -321,10 +320,17 @@ def _other_tool(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
             yield Variant(f"of another overhang in the {scope.name}", change)
 
 
+def _of_some_records(model: Model) -> list[Scope]:
+    """Return the scopes of an error that some configurations or records have."""
+    if not (scopes := scopes_of(model, kinds=("configuration", "record"))):
+        raise UndecidableError("there are no FRFs, or a single one: measure several")
+    return scopes
+
+
 def _other_joint(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     """Yield a joint that is another one in some records: another clamping, or another session."""
     require_joint(model)
-    for scope in scopes_of(model, kinds=("configuration", "record")):
+    for scope in _of_some_records(model):
         for what, terms in _JOINT_TERMS.items():
             yield Variant(f"of other {what} in the {scope.name}", partial(_change_joint, p, terms, scope))
 
