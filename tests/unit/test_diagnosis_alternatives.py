@@ -26,7 +26,7 @@ from receptance.diagnosis.catalogue import ALTERNATIVES
 from receptance.diagnosis.explanation import Selection
 from receptance.diagnosis.fitting import refit
 from receptance.diagnosis.judgement import conclude
-from receptance.diagnosis.thresholds import MARGIN
+from receptance.diagnosis.thresholds import MARGIN, MARGIN_OF_ALTERNATIVE
 from receptance.fit import Tolerance
 from receptance.fit.observation import altered
 
@@ -161,7 +161,8 @@ def selection() -> Selection:
     [
         (1.1 * MARGIN, "unexplained", "unexplained"),
         (0.9 * MARGIN, "suspected", "unexplained"),
-        (-0.9 * MARGIN, "suspected", "unexplained"),
+        (-0.9 * MARGIN_OF_ALTERNATIVE, "suspected", "unexplained"),
+        (-1.1 * MARGIN_OF_ALTERNATIVE, "named", "unexplained"),
         (-1.1 * MARGIN, "named", "named"),
     ],
 )

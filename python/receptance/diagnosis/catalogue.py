@@ -376,9 +376,17 @@ def _alternative(
     anywhere: bool = False,
     group: Group = "structure",
     remedy: str = "inspect the place: a mass, a crack, a dimension, a loose part",
+    contains: tuple[str, ...] = (),
 ) -> Cause:
     return Cause(
-        id=id, group=group, parameters=parameters, change=change, meaning=meaning, remedy=remedy, anywhere=anywhere
+        id=id,
+        group=group,
+        parameters=parameters,
+        change=change,
+        meaning=meaning,
+        remedy=remedy,
+        anywhere=anywhere,
+        contains=contains,
     )
 
 
@@ -401,6 +409,7 @@ ALTERNATIVES = (
         Parameter(name="mass", unit="kg", lower=0.0, upper=2.0, typical=0.005),
         Parameter(name="distance", unit="m", lower=-0.5, upper=0.5, typical=0.0, secondary=True),
         meaning="a mass",
+        contains=("sensor_mass",),
     ),
     _alternative("other_section", _section, _diameter(-0.4, 0.4, 0.02), meaning="another diameter", anywhere=True),
     _alternative("cone", _taper, _diameter(-0.4, 0.4, 0.02), meaning="a taper"),

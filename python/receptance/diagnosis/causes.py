@@ -291,6 +291,8 @@ class Cause:
     anywhere : bool, optional
         Whether its variants are places all over the structure, none more likely than another. Evidence then has a
         penalty for the choice among them.
+    contains : sequence of str, optional
+        Ids of causes that are special cases of it. An alternative does not compete with these.
 
     Raises
     ------
@@ -316,6 +318,7 @@ class Cause:
     large: bool = False
     unspecific: bool = False
     anywhere: bool = False
+    contains: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.id, str) or not self.id.isidentifier():

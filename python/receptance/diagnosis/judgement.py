@@ -16,6 +16,7 @@ from receptance.diagnosis.thresholds import (
     LEAST_FREEDOM,
     LEAST_SHARE,
     MARGIN,
+    MARGIN_OF_ALTERNATIVE,
     ONE_CONFIGURATION,
     STRAIN_CHANCE,
 )
@@ -167,11 +168,19 @@ def _preferred_alternative(selection: Selection, remaining: Sequence[Explanation
     margin.
     """
     fewest = min(len(explanation.variants) for explanation in remaining)
-    for alternative in selection.alternatives:
+    for alternative in _rivals(selection, remaining[0], fewest):
         margin = MARGIN if len(alternative.variants) == fewest else -MARGIN
-        if len(alternative.variants) <= fewest and alternative.evidence > remaining[0].evidence + margin:
+        if alternative.evidence > remaining[0].evidence + margin:
             return alternative
     return None
+
+
+def _rivals(selection: Selection, explanation: Explanation, most: int) -> Iterator[Explanation]:
+    """Yield the alternatives of at most so many changes of which the explanation is no special case."""
+    for alternative in selection.alternatives:
+        contained = {id for variant in alternative.variants for id in variant.cause.contains}
+        if len(alternative.variants) <= most and not contained & set(explanation.ids):
+            yield alternative
 
 
 def _doubts(selection: Selection, explanation: Explanation, limit: float) -> Iterator[Reason]:
@@ -188,8 +197,9 @@ def _doubts(selection: Selection, explanation: Explanation, limit: float) -> Ite
     # Beside a discrepancy a cause explains the data partly at most, which claims less than a name.
     if explanation.evidence <= limit + MARGIN and selection.discrepancy is None:
         yield doubt("near_threshold")
-    no_more = (other for other in selection.alternatives if len(other.variants) <= len(explanation.variants))
-    alternative = next((other for other in no_more if other.evidence > explanation.evidence - MARGIN), None)
+    least = explanation.evidence - MARGIN_OF_ALTERNATIVE
+    rivals = _rivals(selection, explanation, len(explanation.variants))
+    alternative = next((rival for rival in rivals if rival.evidence > least), None)
     if alternative is not None:
         yield doubt("alternative_near", alternative=alternative.place)
     if explanation.fit.degrees_of_freedom < LEAST_FREEDOM:

@@ -58,8 +58,11 @@ they have the same effect: products of derivatives do not resolve smaller differ
 # Selection.
 
 MARGIN = 10.0
-"""Difference of evidence within which explanations are reported together, and an alternative raises a doubt. A gain on
-few lines below it does not justify a fit on all lines."""
+"""Difference of evidence within which explanations are reported together, and below which a gain on few lines does not
+justify a fit on all lines."""
+MARGIN_OF_ALTERNATIVE = 5.0
+"""Difference of evidence within which an alternative raises a doubt. It is smaller, because causes are more frequent
+than what is not in the catalogue."""
 ADDED_CAUSES = 6
 """Further causes that are fitted with each of them."""
 SCREENING_LIMIT = 20.0
