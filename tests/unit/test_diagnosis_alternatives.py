@@ -168,13 +168,24 @@ def selection() -> Selection:
 )
 def test_an_alternative_withholds_a_name(selection: Selection, more: float, alone: str, together: str) -> None:
     best = selection.singles[0]
-    other_change = replace(selection.alternatives[0], evidence=best.evidence + more)
+    somewhere = next(each for each in selection.alternatives if each.variants[0].cause.id == "mass_somewhere")
+    other_change = replace(somewhere, evidence=best.evidence + more)
     judgement = conclude(replace(selection, explanations=[best], alternatives=[other_change]))
     assert judgement.answer == alone
     other = next(one for one in selection.singles if one is not best)
     pair = replace(best, variants=(*best.variants, *other.variants))
     judgement = conclude(replace(selection, explanations=[pair], alternatives=[other_change]))
     assert judgement.answer == together
+
+
+def test_a_cause_does_not_compete_with_what_contains_it(selection: Selection) -> None:
+    best = selection.singles[0]
+    for alternative in selection.alternatives:
+        better = replace(alternative, evidence=best.evidence + 2.0 * MARGIN)
+        judgement = conclude(replace(selection, explanations=[best], alternatives=[better]))
+        contained = alternative.variants[0].cause.id == "mass_near_tip"
+        assert judgement.answer == ("named" if contained else "unexplained")
+    assert "mass_near_tip" in [alternative.variants[0].cause.id for alternative in selection.alternatives]
 
 
 def test_an_alternative_withholds_a_cause_with_an_unusual_size(selection: Selection) -> None:
