@@ -24,7 +24,7 @@ from receptance.diagnosis.held_out import (
     doubted,
     improvement_on,
 )
-from receptance.diagnosis.judgement import Judgement, conclude
+from receptance.diagnosis.judgement import Judgement, conclude, confirmed
 from receptance.diagnosis.measured_data import contradictions, select_lines, with_table_noise
 from receptance.diagnosis.model import Model, UndecidableError
 from receptance.diagnosis.progress import Progress
@@ -238,7 +238,7 @@ def _with_discrepancy(
     try:
         base = fit_discrepancy(replace(first.base.model.resonant(), threads=threads), first.base.values)
         selection, base = select_with_discrepancy(base, first, catalogue, report)
-        judgement = conclude(selection)
+        judgement = confirmed(conclude(selection), first)
         beginning = None if selection.interrupted else _fitted_to_the_noise(first, selection.best)
         if beginning is not None:
             again = select(first.base.model, catalogue, max_causes=max_causes, progress=report, beginning=beginning)
@@ -253,7 +253,7 @@ def _with_discrepancy(
         if repeated.judgement.answer != "unexplained":
             return repeated
     if first.base.misfit >= BEYOND_NOISE and judgement.answer == "partly explained":
-        return replace(_Outcome.of(selection, report), discrepancy_fit=base)
+        return replace(_Outcome.of(selection, report), judgement=judgement, discrepancy_fit=base)
     reasons = plain.judgement.reasons
     if first.base.misfit >= BEYOND_NOISE:
         reasons = (*reasons, *(reason for reason in judgement.reasons if reason not in reasons))

@@ -60,6 +60,7 @@ def conclude(selection: Selection) -> Judgement:
 
     Where the selection allows for a discrepancy, every model is adequate. What would be named, or suspected for its
     evidence alone, is then partly explained if it takes at least half of the misfit; all other answers are unexplained.
+    `confirmed` compares it with the selection without a discrepancy.
     """
     judgement = _conclude(selection)
     return judgement if selection.discrepancy is None else _with_share(selection, judgement)
@@ -88,6 +89,25 @@ def _with_share(selection: Selection, judgement: Judgement) -> Judgement:
         code = "share_uncertain"
         further = tuple(_doubts(selection, best, selection.threshold)) or judgement.reasons
     return Judgement("unexplained", reasons=(Reason(code, values), *further))
+
+
+def confirmed(judgement: Judgement, plain: Selection) -> Judgement:
+    """Return an answer beside a discrepancy; data are only partly explained by what is best without one as well.
+
+    Parameters
+    ----------
+    judgement : Judgement
+        The answer beside a discrepancy.
+    plain : Selection
+        The selection without a discrepancy.
+    """
+    best = plain.best
+    if judgement.answer != "partly explained" or (best is not None and judgement.reported[0].ids <= best.ids):
+        return judgement
+    *others, share = judgement.reasons
+    without = "no cause" if best is None else best.title
+    share = Reason("share_unconfirmed", {**share.values, "without": without})
+    return Judgement("unexplained", reasons=(*others, share))
 
 
 def _conclude(selection: Selection) -> Judgement:
