@@ -15,7 +15,7 @@ import pytest
 from receptance import CARBIDE, STEEL, Assembly, Material, Observation, Part, PointJoint, PointMass, Segment
 from receptance.diagnosis import Model, diagnose
 from receptance.diagnosis.fitting import fit_base, fit_discrepancy
-from receptance.diagnosis.judgement import conclude
+from receptance.diagnosis.judgement import conclude, confirmed
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.fit import Tolerance, Unknown, identify
 from receptance.fit.adequacy import Strain
@@ -197,6 +197,15 @@ def test_a_cause_takes_at_least_half_of_the_misfit():
     some = replace(best, fit=replace(best.fit, model=replace(model, unknowns=unknowns)))
     judgement = conclude(replace(selection, explanations=[some], alternatives=[]))
     assert (judgement.answer, judgement.reasons[0].code) == ("unexplained", "share_of_some")
+    # Without a discrepancy the cause must be in the best explanation, alone or beside others.
+    other = selection.explanations[1]
+    partly = conclude(replace(selection, explanations=[best], alternatives=[]))
+    both = replace(best, variants=(*other.variants, *best.variants))
+    for plain, expected in ((best, "partly explained"), (both, "partly explained"), (other, "unexplained")):
+        judgement = confirmed(partly, replace(selection, discrepancy=None, explanations=[plain]))
+        assert judgement.answer == expected
+    assert (judgement.reported, judgement.reasons[-1].code) == ((), "share_unconfirmed")
+    assert str(judgement.reasons[-1]).endswith(f", but without one {other.title} is best")
     # Tolerances absorb a part of a discrepancy: their strain is no objection.
     strained = replace(best, fit=replace(best.fit))
     strained.fit.__dict__["adequacy"] = replace(best.adequacy, strain=Strain((("modulus", 9.0),), chance=1e-9))
