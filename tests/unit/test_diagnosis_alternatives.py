@@ -178,13 +178,14 @@ def test_an_alternative_withholds_a_name(selection: Selection, more: float, alon
     assert judgement.answer == together
 
 
-def test_a_cause_does_not_compete_with_what_contains_it(selection: Selection) -> None:
+def test_what_contains_a_cause_raises_no_doubt_about_it(selection: Selection) -> None:
     best = selection.singles[0]
     for alternative in selection.alternatives:
-        better = replace(alternative, evidence=best.evidence + 2.0 * MARGIN)
-        judgement = conclude(replace(selection, explanations=[best], alternatives=[better]))
-        contained = alternative.variants[0].cause.id == "mass_near_tip"
-        assert judgement.answer == ("named" if contained else "unexplained")
+        for more, doubtful in ((0.5 * MARGIN, "suspected"), (2.0 * MARGIN, "unexplained")):
+            better = replace(alternative, evidence=best.evidence + more)
+            judgement = conclude(replace(selection, explanations=[best], alternatives=[better]))
+            contained = alternative.variants[0].cause.id == "mass_near_tip"
+            assert judgement.answer == ("named" if contained and more < MARGIN else doubtful)
     assert "mass_near_tip" in [alternative.variants[0].cause.id for alternative in selection.alternatives]
 
 

@@ -355,7 +355,7 @@ def _redistribute(parameter: Parameter, pieces: list[_Pieces], shape: Callable[[
 
 RESONATOR_PARAMETERS = (
     Parameter(name="mass", unit="kg", lower=1e-6, upper=20.0, typical=0.02, null=1e-6),
-    Parameter(name="log_frequency", unit="", lower=-0.3, upper=0.3, typical=0.0, secondary=True),
+    Parameter(name="log_frequency", unit="", lower=-0.7, upper=0.7, typical=0.0, secondary=True),
     Parameter(name="log_damping", unit="", lower=-4.0, upper=3.0, typical=0.0, secondary=True),
 )
 """Parameters of a mass on a spring."""

@@ -363,8 +363,18 @@ _SLOW_CHANGES = (
     ("in proportion to the frequency", {LEVEL_SLOPE: "slope"}, "a level that changes"),
     ("at all frequencies", {PHASE: "phase"}, "a phase that is turned"),
     ("with the frequency", {LEVEL_EXPONENT: "exponent", PHASE: "phase"}, "a level and a phase that change slowly"),
-    ("of first order", {LOW_PASS: "time_constant"}, "a low pass in one channel"),
     ("of one channel", {HIGH_PASS: "corner"}, "the AC coupling"),
+)
+
+
+def _low_pass(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
+    require_receptances(model)
+    yield Variant("of first order in one channel", partial(add, {LOW_PASS: p["time_constant"]}, Scope()))
+
+
+_CHAIN_REMEDY = (
+    "measure a known free mass with both channels: its level and phase over the frequency are those of the chain; look "
+    "for filters, AC coupling and amplifiers"
 )
 
 
@@ -474,17 +484,25 @@ ALTERNATIVES = (
         meaning="a mass on a spring",
     ),
     _alternative(
+        "low_pass",
+        _low_pass,
+        Parameter(name="time_constant", unit="s", lower=-1e-3, upper=1e-3, typical=3e-6),
+        meaning="a low pass",
+        group="measurement",
+        remedy=_CHAIN_REMEDY,
+        # Far below its corner it is a delay.
+        contains=("time_delay",),
+    ),
+    _alternative(
         "slow_change",
         _amplifier,
         Parameter(name="exponent", unit="", lower=-1.0, upper=1.0, typical=0.01),
         Parameter(name="slope", unit="s", lower=-1e-4, upper=1e-4, typical=1e-6),
         Parameter(name="phase", unit="rad", lower=-3.2, upper=3.2, typical=0.01),
-        Parameter(name="time_constant", unit="s", lower=-1e-3, upper=1e-3, typical=3e-6),
         Parameter(name="corner", unit="rad/s", lower=-3e3, upper=3e3, typical=30.0),
         meaning="a slow change of level or phase",
         group="measurement",
-        remedy="measure a known free mass with both channels: its level and phase over the frequency are those of the "
-        "chain; look for filters, AC coupling and amplifiers",
+        remedy=_CHAIN_REMEDY,
     ),
 )
 """Changes that are fitted beside the causes and never reported as causes."""

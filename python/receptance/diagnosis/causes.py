@@ -292,7 +292,7 @@ class Cause:
         Whether its variants are places all over the structure, none more likely than another. Evidence then has a
         penalty for the choice among them.
     contains : sequence of str, optional
-        Ids of causes that are special cases of it. An alternative does not compete with these.
+        Ids of causes that are special cases of it. An alternative raises no doubt about these.
 
     Raises
     ------

@@ -188,19 +188,16 @@ def _preferred_alternative(selection: Selection, remaining: Sequence[Explanation
     margin.
     """
     fewest = min(len(explanation.variants) for explanation in remaining)
-    for alternative in _rivals(selection, remaining[0], fewest):
+    for alternative in selection.alternatives:
         margin = MARGIN if len(alternative.variants) == fewest else -MARGIN
-        if alternative.evidence > remaining[0].evidence + margin:
+        if len(alternative.variants) <= fewest and alternative.evidence > remaining[0].evidence + margin:
             return alternative
     return None
 
 
-def _rivals(selection: Selection, explanation: Explanation, most: int) -> Iterator[Explanation]:
-    """Yield the alternatives of at most so many changes of which the explanation is no special case."""
-    for alternative in selection.alternatives:
-        contained = {id for variant in alternative.variants for id in variant.cause.contains}
-        if len(alternative.variants) <= most and not contained & set(explanation.ids):
-            yield alternative
+def _contains(alternative: Explanation, explanation: Explanation) -> bool:
+    """Return whether an explanation is a special case of an alternative."""
+    return any(id in explanation.ids for variant in alternative.variants for id in variant.cause.contains)
 
 
 def _doubts(selection: Selection, explanation: Explanation, limit: float) -> Iterator[Reason]:
@@ -218,7 +215,8 @@ def _doubts(selection: Selection, explanation: Explanation, limit: float) -> Ite
     if explanation.evidence <= limit + MARGIN and selection.discrepancy is None:
         yield doubt("near_threshold")
     least = explanation.evidence - MARGIN_OF_ALTERNATIVE
-    rivals = _rivals(selection, explanation, len(explanation.variants))
+    no_more = (other for other in selection.alternatives if len(other.variants) <= len(explanation.variants))
+    rivals = (other for other in no_more if not _contains(other, explanation))
     alternative = next((rival for rival in rivals if rival.evidence > least), None)
     if alternative is not None:
         yield doubt("alternative_near", alternative=alternative.place)

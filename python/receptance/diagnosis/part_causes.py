@@ -177,7 +177,12 @@ def _flexible(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     if not rigid:
         raise UndecidableError("no part is described as rigid")
     for name in rigid:
-        yield Variant(name, partial(_make_elastic, name, p["decades"]))
+        yield Variant(name, partial(_make_elastic, name, p["decades"]), begin=partial(_as_metal, p["decades"]))
+
+
+def _as_metal(decades: Parameter, model: Model, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the stiffness of metals as the starting value, because that of a rigid body has no effect."""
+    return {decades.key: 0.0}
 
 
 def _rigid_moduli(model: Model) -> dict[str, dict[str, float]]:
@@ -422,7 +427,6 @@ PART_CAUSES = (
     Cause(
         id="flexible_body",
         title="elastic body",
-        # Fits start three typical sizes from null, which is the stiffness of metals.
         parameters=(Parameter(name="decades", unit="", lower=-1.0, upper=9.0, typical=6.0, null=9.0),),
         change=_flexible,
         meaning="a body that the model describes as rigid is elastic",
