@@ -338,12 +338,14 @@ def look_alikes(effects: Sequence[Direction], variant: Variant) -> dict[str, flo
 def rank(effects: Sequence[Direction], penalty: float) -> list[Direction]:
     """Return the directions of the variants that are fitted, the highest predicted evidence first."""
     ranked = sorted(effects, key=lambda effect: -effect.predicted_evidence(penalty))
+    # The first variant of a cause acts on all records, or on the whole part.
+    plain = first_of_each(effects, lambda effect: effect.cause.id)
     counts = dict.fromkeys((effect.cause.id for effect in effects), 0)
     chosen = []
     for effect in ranked:
         # A far variant has no linear prediction and is kept in any case.
         counts[effect.cause.id] += not effect.far
-        if effect.far or counts[effect.cause.id] <= VARIANTS_FITTED:
+        if effect.far or effect in plain or counts[effect.cause.id] <= VARIANTS_FITTED:
             chosen.append(effect)
     return chosen
 

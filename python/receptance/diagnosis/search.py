@@ -305,10 +305,12 @@ class Search:
         selection = self.selection
         if selection.base.misfit <= MISFIT_LIMIT or selection.adequate or selection.base.model.unknown_modes:
             return False
-        # The order by evidence means little here: the right cause can be last if all fits are in the wrong optimum.
+        # The order by evidence means little here: the right cause can be last if all fits are in the wrong optimum. Far
+        # from the data every cause is fitted again.
         levels = has_levels(selection.base.model)
         together = [each for each in selection.tried if selection.singles[0].ids <= each.ids] if levels else []
-        again = list(dict.fromkeys([*selection.explanations[:1], *selection.singles[:LEADING_CAUSES], *together]))
+        count = LEADING_CAUSES if selection.explanations[0].fit.misfit <= SCREENING_LIMIT else None
+        again = list(dict.fromkeys([*selection.explanations[:1], *selection.singles[:count], *together]))
         titles = [f"{each.title}, from its own starting values" for each in again]
         fits = [partial(fit_or_none, partial(fit_again, each.fit)) for each in again]
         for each, fit in zip(again, self._report.run("together", titles, fits, selection.workers), strict=True):
