@@ -208,7 +208,9 @@ def test_records_that_contradict_each_other_are_said_first(factor: float, ratio:
 def test_a_file_that_was_copied_over_another_one_is_said_first() -> None:
     copied = altered(RECORDS[-1], receptance=RECORDS[0].receptance)
     assert copied.configuration != RECORDS[0].configuration
-    verdict = diagnose([*RECORDS[:-1], copied], JOINT, tolerances=TOLERANCES, causes=["tool_density"], threads=1)
+    data, causes = [*RECORDS[:-1], copied], ["tool_density", "exchanged_files"]
+    verdict = diagnose(data, JOINT, tolerances=TOLERANCES, causes=causes, threads=1)
+    assert "the same values" in verdict.undecidable["exchanged_files"]
     assert verdict.reasons[0].code == "same_values"
     assert f"{RECORDS[0].label} and {copied.label} have the same values" in verdict.notes[0]
     assert not verdict.causes

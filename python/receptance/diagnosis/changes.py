@@ -137,6 +137,14 @@ def place_of(observation: Observation, coordinate: Coordinate) -> DirectedPlace:
     return coordinate.part or next(iter(observation.assembly.elements)), coordinate.position, coordinate.direction
 
 
+def is_copy(first: Observation, second: Observation) -> bool:
+    """Return whether two FRFs have the same values on their common lines, although they are of two configurations."""
+    if first.configuration == second.configuration:
+        return False
+    lines, a, b = np.intersect1d(first.frequency_hz, second.frequency_hz, return_indices=True)
+    return lines.size > 1 and np.array_equal(first.receptance[a], second.receptance[b])
+
+
 _KEYS: Mapping[Kind, Callable[[Observation], Any]] = {
     "all": lambda observation: "all",
     "configuration": lambda observation: observation.configuration,

@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from receptance.diagnosis.changes import DirectedPlace, place_of
+from receptance.diagnosis.changes import DirectedPlace, is_copy, place_of
 from receptance.diagnosis.fitting import evaluate, fit_base
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.text import Reason
@@ -35,7 +35,7 @@ def contradictions(observations: Sequence[Observation]) -> Iterator[Reason]:
     Records of two configurations with the same values, of which one is a copy, follow.
     """
     for first, second in combinations((record for record in observations if record.is_receptance), 2):
-        if first.configuration != second.configuration and np.array_equal(first.receptance, second.receptance):
+        if is_copy(first, second):
             yield Reason("same_values", {"first": first.label, "second": second.label})
         if not _should_be_equal(first, second):
             continue

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import combinations, permutations, product
+from itertools import combinations, permutations, product, starmap
 from typing import Any, Literal
 
 import numpy as np
@@ -17,6 +17,7 @@ from receptance.diagnosis.causes import Cause, Parameter, Variant
 from receptance.diagnosis.changes import (
     Scope,
     add,
+    is_copy,
     move,
     moved_step,
     place_of,
@@ -395,6 +396,10 @@ def _exchange(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     require_receptances(model)
     if len({record.label for record in model.receptances} - {""}) < len(model.receptances):
         raise UndecidableError("to exchange records, label each one differently")
+    if any(starmap(is_copy, combinations(model.receptances, 2))):
+        raise UndecidableError(
+            "two configurations have the same values: find the file that was copied over another one"
+        )
     # Records of two configurations belong together by their places, and in order among those of the same places.
     records: dict[str, dict[Any, Observation]] = {name: {} for name in model.configurations}
     for name, record in zip(model.configuration_of, model.observations, strict=True):

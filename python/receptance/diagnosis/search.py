@@ -309,7 +309,8 @@ class Search:
         # from the data every cause is fitted again.
         levels = has_levels(selection.base.model)
         together = [each for each in selection.tried if selection.singles[0].ids <= each.ids] if levels else []
-        count = LEADING_CAUSES if selection.explanations[0].fit.misfit <= SCREENING_LIMIT else None
+        is_far = selection.best is not None and selection.best.fit.misfit > SCREENING_LIMIT
+        count = None if is_far else LEADING_CAUSES
         again = list(dict.fromkeys([*selection.explanations[:1], *selection.singles[:count], *together]))
         titles = [f"{each.title}, from its own starting values" for each in again]
         fits = [partial(fit_or_none, partial(fit_again, each.fit)) for each in again]
