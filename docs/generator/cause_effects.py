@@ -91,19 +91,19 @@ def _holder(diameter: float = 0.045) -> Part:
 
 
 def _model(assemblies: dict[str, Assembly], conditions: dict[str, dict[str, float]] | None = None) -> Model:
-    """Return a model of tip FRFs, whose data are ones."""
+    """Return a model of tip FRFs, whose data are one number for each: equal ones would be copies."""
     observations = tuple(
         Observation(
             assembly=assembly,
             frequency_hz=LINES,
-            receptance=np.ones(LINES.size, dtype=complex),
+            receptance=np.full(LINES.size, 1.0 + number, dtype=complex),
             standard_deviation=NOISE,
             response=Coordinate(next(iter(assembly.elements)), 0.0),
             excitation=Coordinate(next(iter(assembly.elements)), 0.0),
             label=name,
             conditions=(conditions or {}).get(name, {}),
         )
-        for name, assembly in assemblies.items()
+        for number, (name, assembly) in enumerate(assemblies.items())
     )
     return Model(observations, _unknowns("joint", JOINT), TOLERANCES)
 
