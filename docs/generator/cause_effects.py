@@ -91,12 +91,12 @@ def _holder(diameter: float = 0.045) -> Part:
 
 
 def _model(assemblies: dict[str, Assembly], conditions: dict[str, dict[str, float]] | None = None) -> Model:
-    """Return a model of tip FRFs, whose data are one number for each: equal ones would be copies."""
+    """Return a model of tip FRFs, whose data are ones; they differ by rounding, because equal data would be copies."""
     observations = tuple(
         Observation(
             assembly=assembly,
             frequency_hz=LINES,
-            receptance=np.full(LINES.size, 1.0 + number, dtype=complex),
+            receptance=np.full(LINES.size, 1.0 + 1e-14 * number, dtype=complex),
             standard_deviation=NOISE,
             response=Coordinate(next(iter(assembly.elements)), 0.0),
             excitation=Coordinate(next(iter(assembly.elements)), 0.0),
