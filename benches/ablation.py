@@ -30,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from blind.bridge import Answer, ask
 from blind.generator import CATALOGUE, Case, draw_case, every
-from receptance.diagnosis import judgement, search
+from receptance.diagnosis import engine, judgement, search
 from receptance.diagnosis.causes import Parameter
 from receptance.diagnosis.explanation import Explanation
 
@@ -64,6 +64,7 @@ RULES = (
     Rule("blocks of compressed data (120: 60)", {"BLOCKS": 60}),
     Rule("levels from their own starts", {"WORSE_LEVEL": math.inf}),
     Rule("the margin of 10 (5)", {"MARGIN": 5.0}),
+    Rule("an alternative within 5 raises a doubt (0)", {"MARGIN_OF_ALTERNATIVE": 0.0}),
     Rule("half of the misfit", {"LEAST_SHARE": 0.0}),
     Rule("a discrepancy only above a misfit of 4", {"BEYOND_NOISE": 0.0}),
     Rule("three selections with a discrepancy (1)", {"DISCREPANCY_SELECTIONS": 1}),
@@ -72,6 +73,7 @@ RULES = (
     Rule("doubt: strained tolerances", {"STRAIN_CHANCE": 0.0}),
     Rule("doubt: few degrees of freedom", {"LEAST_FREEDOM": 0}),
     Rule("all doubts", {}, ((judgement, "_doubts", lambda *_: iter(())),)),
+    Rule("partly explained: confirmed", {}, ((engine, "confirmed", lambda answer, _: answer),)),
     Rule("negligible sizes", {}, ((Explanation, "negligible", frozenset()),)),
     Rule("ordinary sizes of pairs", {}, ((Explanation, "extraordinary", ()),)),
     Rule("plausible sizes", {}, ((Parameter, "is_plausible", lambda *_: True),)),

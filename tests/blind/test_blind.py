@@ -271,3 +271,13 @@ def test_bench_accepts_every_advised_measurement():
     assert len(both.nominal.configurations) == count + 1
     assert [one.place for one in added] == ["tip", "tip"] + count * ["nose"]
     assert measured_again(case, truth, "weigh the blank") is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("index", [21, 130, 168, 268])
+def test_fits_that_ended_in_other_minima_end_in_the_right_one(index):
+    """An elastic body, a mode below its trial frequencies, a joint far from the data, records that all end early."""
+    kind, effects = every(450)[index]
+    case, _ = draw_case(20270511, index, kind, effects)
+    answer = ask(case)
+    assert (answer.verdict, answer.reported) == ("named", effects)

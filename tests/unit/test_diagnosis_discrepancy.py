@@ -205,7 +205,7 @@ def test_a_cause_takes_at_least_half_of_the_misfit():
         judgement = confirmed(partly, replace(selection, discrepancy=None, explanations=[plain]))
         assert judgement.answer == expected
     assert (judgement.reported, judgement.reasons[-1].code) == ((), "share_unconfirmed")
-    assert str(judgement.reasons[-1]).endswith(f", but without one {other.title} is best")
+    assert str(judgement.reasons[-1]).endswith(f", but without a discrepancy {other.title} explains the data best")
     # Tolerances absorb a part of a discrepancy: their strain is no objection.
     strained = replace(best, fit=replace(best.fit))
     strained.fit.__dict__["adequacy"] = replace(best.adequacy, strain=Strain((("modulus", 9.0),), chance=1e-9))

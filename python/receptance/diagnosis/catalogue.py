@@ -122,8 +122,8 @@ def _add_near_tip(p: Mapping[str, Parameter], model: Model) -> Model:
     """
     tip, position = model.tip, 0.5 * ALTERNATIVE_PLACES[0] * _shortest(model, model.tip)
     towards, away = room_of_step(model, tip, position)
-    if towards == away:
-        raise UndecidableError("the tool has a step there")
+    if not away:
+        raise UndecidableError("there is a step, a hit or an attachment already")
     mass = PointMass(mass=0.0, part=tip, position=position, name="alternative_mass")
     changed = attach(model.split(tip, position)[0], [mass], {"mass": p["mass"]})
     moves = moved_step(changed, tip, position)
@@ -163,7 +163,7 @@ def _section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
         for index in range(len(part.segments))
     }
     if any(len(part.segments) > 1 for part in model.parts(model.tip)):
-        # The causes of a fluted part and of a diameter near the tip have the first section of several.
+        # The first of several sections is changed by causes: flutes, and another diameter near the tip.
         addresses.discard(f"{model.tip}.segment[0].outer_diameter")
     for address in sorted(addresses):
         if not model.has(address):

@@ -53,10 +53,10 @@ def conclude(selection: Selection) -> Judgement:
        an effect outside the catalogue may act in its place. If no explanation is left: unexplained.
     5. If an alternative has more evidence, see `receptance.diagnosis.catalogue`: unexplained.
     6. If one explanation is left: named. It is only suspected near the detection limit, where it strains the tolerances
-       beyond the 1 % level, where an alternative has as much evidence, or where the data are not sufficient: there is
-       one configuration or one mode, a cause that should act everywhere shows in one configuration, or several causes
-       share the residual of an adequate base. If several are left: ambiguous. Nothing is named if a competing fit has
-       not converged. `doubt_prediction` judges a named one by held-out data.
+       beyond the 1 % level, where an alternative has about as much evidence, or where the data are not sufficient:
+       there is one configuration or one mode, a cause that should act everywhere shows in one configuration, or several
+       causes share the residual of an adequate base. If several are left: ambiguous. Nothing is named if a competing
+       fit has not converged. `doubt_prediction` judges a named one by held-out data.
 
     Where the selection allows for a discrepancy, every model is adequate. What would be named, or suspected for its
     evidence alone, is then partly explained if it takes at least half of the misfit; all other answers are unexplained.
@@ -92,7 +92,9 @@ def _with_share(selection: Selection, judgement: Judgement) -> Judgement:
 
 
 def confirmed(judgement: Judgement, plain: Selection) -> Judgement:
-    """Return an answer beside a discrepancy; data are only partly explained by what is best without one as well.
+    """Return an answer beside a discrepancy, without the cause if the best explanation without one does not have it.
+
+    The two likelihoods err in different ways: what only one of them prefers is not reported.
 
     Parameters
     ----------

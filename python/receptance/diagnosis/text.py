@@ -208,7 +208,7 @@ _SHARES = {
     "share_small": f", expected at least {100.0 * LEAST_SHARE:.0f} %",
     "share_ambiguous": ", but these cannot be distinguished: {causes}",
     "share_uncertain": ", but this is not certain",
-    "share_unconfirmed": ", but without one {without} is best",
+    "share_unconfirmed": ", but without a discrepancy {without} explains the data best",
 }
 """What is said of the share of the misfit that an explanation takes with a model discrepancy."""
 _INTERRUPTED = "interrupted after {seconds:.0f} s in step {step} of about {of_about}: this answer is not final"

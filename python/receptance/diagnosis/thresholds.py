@@ -61,8 +61,8 @@ MARGIN = 10.0
 """Difference of evidence within which explanations are reported together, and below which a gain on few lines does not
 justify a fit on all lines."""
 MARGIN_OF_ALTERNATIVE = 5.0
-"""Difference of evidence within which an alternative raises a doubt. It is smaller, because causes are more frequent
-than what is not in the catalogue."""
+"""Difference of evidence within which an alternative raises a doubt. It is smaller than the margin between causes,
+because the causes of the catalogue are more frequent than other errors."""
 ADDED_CAUSES = 6
 """Further causes that are fitted with each of them."""
 SCREENING_LIMIT = 20.0
