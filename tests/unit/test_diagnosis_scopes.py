@@ -216,6 +216,15 @@ def test_a_file_that_was_copied_over_another_one_is_said_first() -> None:
     assert not verdict.causes
 
 
+def test_a_held_out_file_that_is_a_copy_is_said_first() -> None:
+    copied = altered(RECORDS[-1], receptance=RECORDS[0].receptance)
+    held_out = Model((copied,), tuple(JOINT), tuple(TOLERANCES))
+    verdict = diagnose(
+        RECORDS[:-1], JOINT, tolerances=TOLERANCES, causes=["tool_density"], threads=1, held_out=held_out
+    )
+    assert f"{RECORDS[0].label} and {copied.label} have the same values" in verdict.notes[0]
+
+
 def test_records_of_other_places_or_conditions_do_not_contradict_each_other() -> None:
     first = RECORDS[0]
     for other in (

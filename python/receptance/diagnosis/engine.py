@@ -25,7 +25,7 @@ from receptance.diagnosis.held_out import (
     improvement_on,
 )
 from receptance.diagnosis.judgement import Judgement, conclude, confirmed
-from receptance.diagnosis.measured_data import contradictions, select_lines, with_table_noise
+from receptance.diagnosis.measured_data import contradictions, copies, select_lines, with_table_noise
 from receptance.diagnosis.model import Model, UndecidableError
 from receptance.diagnosis.progress import Progress
 from receptance.diagnosis.search import select
@@ -173,7 +173,12 @@ def diagnose(
         discrepancy_fit=outcome.discrepancy_fit,
         improvement=improvement,
         next_measurement=outcome.next_measurement,
-        data_reasons=(*contradictions(model.observations), *table_reasons, *line_reasons),
+        data_reasons=(
+            *copies((*model.observations, *(held_out.observations if isinstance(held_out, Model) else ()))),
+            *contradictions(model.observations),
+            *table_reasons,
+            *line_reasons,
+        ),
         settings=_settings(outcome.selection, max_causes, interrupted),
         held_out=held_out if isinstance(held_out, Model) else None,
         interrupted=interrupted,

@@ -3,7 +3,8 @@
 Lines that a diagnosis cannot use are left out, and errors of a spindle or holder that is given as data are added to the
 variance. Records that contradict each other are listed: they are of one structure at the same places and further apart
 than their noise. No model explains both, so that their difference is an error of a measurement, or a change between the
-two. Hit and response may be exchanged: a receptance is the same either way.
+two. Hit and response may be exchanged: a receptance is the same either way. Copies of a record, held-out ones included,
+are listed as well.
 """
 
 from __future__ import annotations
@@ -32,11 +33,8 @@ def contradictions(observations: Sequence[Observation]) -> Iterator[Reason]:
     """Yield the pairs of records of one configuration, at the same places, that differ by more than their noise.
 
     Their conditions have to be equal, because a joint may depend on them. Lines that both records have are compared.
-    Records of two configurations with the same values, of which one is a copy, follow.
     """
     for first, second in combinations((record for record in observations if record.is_receptance), 2):
-        if is_copy(first, second):
-            yield Reason("same_values", {"first": first.label, "second": second.label})
         if not _should_be_equal(first, second):
             continue
         lines, a, b = np.intersect1d(first.frequency_hz, second.frequency_hz, return_indices=True)
@@ -67,6 +65,13 @@ def contradictions(observations: Sequence[Observation]) -> Iterator[Reason]:
                 "misfit": misfit,
             },
         )
+
+
+def copies(observations: Sequence[Observation]) -> Iterator[Reason]:
+    """Yield the pairs of FRFs of two configurations with the same values, of which one is a copy."""
+    for first, second in combinations((record for record in observations if record.is_receptance), 2):
+        if is_copy(first, second):
+            yield Reason("same_values", {"first": first.label, "second": second.label})
 
 
 def _should_be_equal(first: Observation, second: Observation) -> bool:
