@@ -87,9 +87,10 @@ def test_oracle_takes_back_steps_that_overflow():
     problem = Problem(case, truth, data_of(case, truth), truth.effects)
     far = problem.start()
     assert np.isfinite(problem.residual(far)).all()
-    for exponent in (1e5, -1e5):
-        far[-1] = exponent / problem.scales[-1]
-        assert not np.isfinite(problem.residual(far)).all()
+    # An infinite stiffness overflows in every draw. An exponent need not: below the reference torque it means a joint
+    # without stiffness, which is a finite model.
+    far[0] = 1e5
+    assert not np.isfinite(problem.residual(far)).all()
     assert problem.fit(far).chi_square == np.inf
 
 
