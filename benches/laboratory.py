@@ -37,9 +37,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     for name, (command, cases, limit) in COMMANDS.items():
-        own = commands.add_parser(name, help=command.__doc__.partition("\n")[0])
-        batch.add_options(own, cases, limit)
-        command.add_options(own)
+        # argparse formats the help with `%`.
+        of_command = commands.add_parser(name, help=command.__doc__.partition("\n")[0].replace("%", "%%"))
+        batch.add_options(of_command, cases, limit)
+        command.add_options(of_command)
     options = parser.parse_args(arguments)
     return COMMANDS[options.command][0].main(options)
 

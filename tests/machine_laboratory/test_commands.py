@@ -191,6 +191,12 @@ def test_commands_and_effects_that_do_not_exist_are_refused(bench, capsys):
     assert "sensor_maas" in capsys.readouterr().err
 
 
+def test_help_shows_each_command_with_its_meaning(bench, capsys):
+    with pytest.raises(SystemExit):
+        bench.main(["--help"])
+    assert "stable with 95 % are below" in " ".join(capsys.readouterr().out.split())
+
+
 # The oracle, and one small case of each command -----------------------------------------------------------------------
 
 

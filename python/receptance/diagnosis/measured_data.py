@@ -25,6 +25,8 @@ from receptance.fit.observation import Observation
 from receptance.fit.spindle_errors import has_spindle_errors, with_spindle_errors
 from receptance.model.terminals import MeasuredPart
 
+DOUBTFUL_DATA = ("contradiction", "same_values")
+"""Reasons that make everything else doubtful; they are said above the answer."""
 _FAR = 3.0
 """Difference of two lines, in standard deviations, from which they are listed among those that differ."""
 

@@ -17,6 +17,7 @@ from receptance.diagnosis.explanation import Explanation, Selection
 from receptance.diagnosis.fitting import DiscrepancyFit, Fit, fit_discrepancy, sufficient
 from receptance.diagnosis.held_out import Gain, Improvement
 from receptance.diagnosis.judgement import Answer, Judgement, limits_of
+from receptance.diagnosis.measured_data import DOUBTFUL_DATA
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.prediction import AveragedAssembly
 from receptance.diagnosis.screening import look_alikes
@@ -162,14 +163,17 @@ class Verdict(Result):
         """Reasons of the answer, and limits of the data."""
         run = [self.interrupted] if self.interrupted else []
         run += [Reason("fast_diagnosis")] if self.selection.fast else []
-        # Records that contradict each other make everything else doubtful.
-        reasons = [*run, *self.judgement.reasons, *limits_of(self.selection), *self.data_reasons]
-        return tuple(sorted(reasons, key=lambda reason: reason.code not in ("contradiction", "same_values")))
+        return (*run, *self.judgement.reasons, *limits_of(self.selection), *self.data_reasons)
+
+    def warnings(self) -> list[str]:
+        """Return which records contradict each other or are copies, which makes everything else doubtful."""
+        return [str(reason) for reason in self.reasons if reason.code in DOUBTFUL_DATA]
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The reasons, and the notes of the campaign, a sentence each."""
-        return tuple(dict.fromkeys([*map(str, self.reasons), *self.campaign.notes]))
+        """The other reasons, and the notes of the campaign, a sentence each."""
+        others = (str(reason) for reason in self.reasons if reason.code not in DOUBTFUL_DATA)
+        return tuple(dict.fromkeys([*others, *self.campaign.notes]))
 
     # Explanations.
 
