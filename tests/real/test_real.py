@@ -102,6 +102,16 @@ def test_one_case_of_each_structure(structure, effect, summarise):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("number", [13, 93])
+def test_a_wrong_quantity_whose_level_the_model_has_fitted_is_reported(number):
+    # The mass of this beam is free: on wrong data it fits the level, so that the right quantity is no closer at first.
+    if not available("brake_reuss"):
+        pytest.skip(f"the measured files of brake_reuss are not in {MEASURED}")
+    outcome = run_case(20270306, number, "brake_reuss", "wrong_quantity", ask, fit)
+    assert (outcome.verdict, outcome.reported) == ("partly explained", ("wrong_quantity",))
+
+
+@pytest.mark.slow
 def test_the_plain_model_is_that_of_an_engineer():
     """The drive point alone is far off: the other records are within some tenths of a decibel, modes within 0.05 %."""
     if not available("modelab"):
