@@ -174,7 +174,8 @@ def test_a_change_of_the_data_is_tried_only_where_it_brings_its_records_closer()
         [("reversed_polarity", "configuration 90 mm")],
     )
     tried = [one.variant.name for one in verdict.selection.directions if one.cause.id == "reversed_polarity"]
-    assert tried == ["configuration 90 mm"]
+    # Those of all records as well, because the misfit is far above 20, and neither of the two records alone.
+    assert tried == ["configuration 90 mm", "all"]
     right = diagnose(RECORDS, JOINT, tolerances=TOLERANCES, causes=causes, threads=1)
     assert right.verdict == "adequate"
     assert not [one for one in right.selection.directions if one.cause.changes_data]
