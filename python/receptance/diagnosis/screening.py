@@ -99,16 +99,16 @@ def list_variants(fit: Fit, causes: Sequence[Cause]) -> tuple[list[tuple[Variant
     changes = [pair for pair in extended if pair[0].cause.changes_data]
     improving = _improving([pair for pair in changes if not pair[0].far], fit)
     if fit.misfit > SCREENING_LIMIT:
-        # Joint or free parts have to change first, so that no record is closer to the model yet.
-        tried = {id(variant) for variant, _ in improving}
-        improving += [pair for pair in changes if id(pair[0]) not in tried and _needs_a_refit(pair, fit.model)]
+        # The joint, or a free mass, has to be fitted again before these bring a record closer.
+        tried = {variant for variant, _ in improving}
+        improving += [pair for pair in changes if pair[0] not in tried and _needs_a_refit(pair, fit.model)]
     inadequate = not fit.adequacy.passed
     others = [(v, model) for v, model in extended if not v.cause.changes_data and (inadequate or not v.cause.large)]
     return [*others, *improving], undecidable
 
 
 def _needs_a_refit(change: tuple[Variant, Model], model: Model) -> bool:
-    """Return whether the fit without it says nothing of a change of the data, as where all records are changed."""
+    """Return whether only a new fit can show that a change of the data is right, as where it changes all records."""
     variant, changed = change
     pairs = zip(model.observations, changed.observations, strict=True)
     return variant.far or all(new is not old for old, new in pairs if old.is_receptance)
