@@ -188,6 +188,11 @@ class Segment(_CircularSection, _Length):
         return (0.0,) * SHAPE_COLUMNS
 
     @property
+    def is_circular(self) -> bool:
+        """Whether the section is a circle or a ring."""
+        return True
+
+    @property
     def is_conical(self) -> bool:
         """Whether a diameter at the far end is stated."""
         return self.end_outer_diameter is not None or self.end_inner_diameter is not None

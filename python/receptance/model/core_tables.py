@@ -106,8 +106,15 @@ class Flat:
     @cached_property
     def tables(self) -> Tables:
         """Tables of the core, read only because all calls share them."""
-        arrays = {name: np.array(self.rows[name], dtype=np.float64) for name in _COLUMNS}
-        return Tables(**{name: constant(array.reshape(-1, _COLUMNS[name])) for name, array in arrays.items()})
+        columns = dict(_COLUMNS)
+        segments = self.rows["segments"]
+        if len(set(map(len, segments))) < 2:
+            # All are circular cylinders, or none is.
+            columns["segments"] = len(segments[0]) if segments else columns["segments"]
+        else:
+            segments = [row + [0.0] * (columns["segments"] - len(row)) for row in segments]
+        arrays = {name: np.array(rows, dtype=np.float64) for name, rows in {**self.rows, "segments": segments}.items()}
+        return Tables(**{name: constant(array.reshape(-1, columns[name])) for name, array in arrays.items()})
 
     def add(
         self,
@@ -321,8 +328,11 @@ class _Pieces(NamedTuple):
     def columns(self, number: int, length: float) -> list[float]:
         """Return the columns of a piece without nodes."""
         segment = self.segment
-        columns = [*segment.columns, *segment.shape_columns]
+        columns = list(segment.columns)
         columns[0] = length
+        if segment.is_circular and not segment.is_conical:
+            return columns[: _PLACES["end_outer_diameter"] - 2]
+        columns += segment.shape_columns
         if segment.is_conical:
             for shift, share in enumerate(self.shares[number : number + 2]):
                 diameters = segment.at(share)
