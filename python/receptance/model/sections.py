@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -318,6 +318,52 @@ class SectionShape:
             )
         return Factors(self.area, moment, inertia, self.torsion, p0, p1, p2)
 
+    def turned(self) -> SectionShape:
+        """Return the shape turned by 90 degrees, for a deflection in the other plane.
+
+        Examples
+        --------
+        >>> from receptance import SectionShape
+        >>> bar = SectionShape.rectangle(0.02, 0.01)
+        >>> bar.turned().moment == bar.moment[::-1]
+        True
+        """
+        around = tuple(tuple((-y, x) for x, y in line) for line in (self.outline, *self.holes))
+        return replace(
+            self,
+            moment=self.moment[::-1],
+            inertia=self.inertia[::-1],
+            cowper=self.cowper[::-1],
+            hutchinson=self.hutchinson[::-1],
+            angle=-self.angle,
+            outline=around[0],
+            holes=around[1:],
+        )
+
+    def averaged(self) -> SectionShape:
+        """Return the shape with the average of both planes in either, for a section that turns or lies anyhow.
+
+        Compliances are averaged as by ``factors("mean")``.
+
+        Examples
+        --------
+        >>> from receptance import SectionShape
+        >>> SectionShape.rectangle(0.02, 0.01).averaged().is_isotropic
+        True
+        """
+        mean, other = self.factors("mean"), self.hutchinson
+        second = tuple(0.5 * (x + y) for x, y in zip(*other, strict=True))
+        hutchinson = (second[0], second[1], second[2])
+        cowper = (mean.p0, mean.p1, mean.p2)
+        return replace(
+            self,
+            moment=(mean.moment, mean.moment),
+            inertia=(mean.inertia, mean.inertia),
+            cowper=(cowper, cowper),
+            hutchinson=(hutchinson, hutchinson),
+            angle=0.0,
+        )
+
     def _axis(self, plane: Plane) -> int:
         """Return the index of the principal axis of a plane."""
         index = get_args(Plane).index(plane)
@@ -327,8 +373,9 @@ class SectionShape:
             return 1 - index
         degrees = math.degrees(self.angle)
         raise ValueError(
-            f"SectionShape: the principal axes are at {degrees:.4g} deg to the axes of the outline, so a load in {plane} "
-            f'deflects in both directions; turn the points by {-degrees:.4g} deg, or take the plane "mean"'
+            f"SectionShape: the principal axes are at {degrees:.4g} deg to the axes of the outline, so a load in "
+            f"{plane} deflects in both directions; turn the points by {-degrees:.4g} deg, or take the average of both "
+            "planes, shape.averaged()"
         )
 
 
