@@ -294,7 +294,9 @@ def _check_nodes(net: _Net, frame: Frame, axis: bool) -> None:
     if others:
         gap, entity, other = min(others)
         near = frame.place(net.places[other])
-        problem = f"the contour is open: the nearest free end is that of {entity} at {near}, {gap:.4g} {frame.unit} away"
+        problem = (
+            f"the contour is open: the nearest free end is that of {entity} at {near}, {gap:.4g} {frame.unit} away"
+        )
     raise wrong(f"{problem}; close it in the drawing", curve.layer, curve.entity, frame.place(here))
 
 

@@ -78,7 +78,10 @@ class Piece:
     @property
     def volume(self) -> float:
         """Volume in m3, of the frustum less that of the bore: pi length (a^2 + a b + b^2) / 12 of each."""
-        ends = ((self.outer_diameter, self.end_outer_diameter, 1.0), (self.inner_diameter, self.end_inner_diameter, -1.0))
+        ends = (
+            (self.outer_diameter, self.end_outer_diameter, 1.0),
+            (self.inner_diameter, self.end_inner_diameter, -1.0),
+        )
         return math.pi * self.length / 12.0 * sum(sign * (a * a + a * b + b * b) for a, b, sign in ends)
 
     @property
@@ -87,7 +90,10 @@ class Piece:
 
         That of a frustum about its near end is pi length^2 (a^2 + 2 a b + 3 b^2) / 48.
         """
-        ends = ((self.outer_diameter, self.end_outer_diameter, 1.0), (self.inner_diameter, self.end_inner_diameter, -1.0))
+        ends = (
+            (self.outer_diameter, self.end_outer_diameter, 1.0),
+            (self.inner_diameter, self.end_inner_diameter, -1.0),
+        )
         own = sum(sign * (a * a + 2.0 * a * b + 3.0 * b * b) for a, b, sign in ends)
         return math.pi * self.length**2 / 48.0 * own + self.start * self.volume
 
@@ -345,7 +351,9 @@ def _with_faces(owner: str, chain: Chain) -> tuple[Chain, tuple[str, ...]]:
         chain = tuple((-x, diameter) for x, diameter in reversed(chain))
     for (x, diameter), (_, after) in pairwise(chain):
         if diameter < _SAME or after < _SAME:
-            raise ValueError(f"{owner} has the diameter 0 at x = {millimetres(x)}, expected a body that is in one piece")
+            raise ValueError(
+                f"{owner} has the diameter 0 at x = {millimetres(x)}, expected a body that is in one piece"
+            )
     return chain, tuple(notes)
 
 
