@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +36,8 @@ class Frame:
     def inside(self, points: Points) -> Points:
         """Return points of the drawing as distances along the axis and across it."""
         c, s = self.direction
-        moved: Points = points - np.array(self.origin)
-        return moved @ np.array([[c, -s], [s, c]])
+        moved: Points = (points - np.array(self.origin)) @ np.array([[c, -s], [s, c]])
+        return moved
 
     def place(self, point: Iterable[float]) -> str:
         """Return the coordinates of a point of the frame in the drawing as text."""
@@ -238,8 +239,7 @@ def _divide_faces(net: _Net) -> None:
         if len(stops) == 2:
             divided.append(curve)
             continue
-        pairs = zip(stops, stops[1:], strict=False)
-        divided += [replace(curve, points=np.array([[x0, a], [x0, b]])) for a, b in pairs]
+        divided += [replace(curve, points=np.array([[x0, a], [x0, b]])) for a, b in pairwise(stops)]
     if len(divided) > len(net.curves):
         net.curves = divided
         net.keep(range(len(divided)))

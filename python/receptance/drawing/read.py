@@ -20,7 +20,7 @@ from receptance.drawing.dxf_entities import Sheet, read_sheet
 from receptance.drawing.revolution import Revolved, Ring, revolve
 from receptance.io import FileFormatError
 from receptance.io.errors import error_location
-from receptance.model.contour import TOLERANCE, Contour, millimetres
+from receptance.model.contour import TOLERANCE, Contour
 from receptance.units import COORDINATE, parse
 
 Tip = Literal["left", "right", "bottom", "top"]
@@ -75,7 +75,7 @@ class DrawnOutline:
 
 
 def read_contour(file: str | PathLike[str], **options: Unpack[DrawingOptions]) -> DrawnContour:
-    """Return the contour of a part in a CSV or DXF file.
+    r"""Return the contour of a part in a CSV or DXF file.
 
     A CSV file has the columns `x [mm]` and `diameter [mm]` or `radius [mm]`, perhaps `arc [mm]`, the radius of the arc
     that leads to a point, and `bore [mm]` or `bore radius [mm]`. In a DXF file the contour is a closed one or one that
@@ -110,7 +110,7 @@ def read_contour(file: str | PathLike[str], **options: Unpack[DrawingOptions]) -
     >>> from receptance import drawing
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = Path(folder) / "nose.csv"
-    ...     _ = file.write_text("x [mm],diameter [mm]\\n0,20\\n50,30\\n")
+    ...     _ = file.write_text("x [mm],diameter [mm]\n0,20\\n50,30\\n")
     ...     drawing.read_contour(file).contour.outer
     ((0.0, 0.02), (0.05, 0.03))
     """
@@ -140,7 +140,7 @@ def read_contour(file: str | PathLike[str], **options: Unpack[DrawingOptions]) -
 def outline(
     file: str | PathLike[str], *, layer: str | Sequence[str] = (), unit: str = "", tolerance: float = TOLERANCE
 ) -> DrawnOutline:
-    """Return the outline of a section in a CSV or DXF file: a closed contour, and holes in it.
+    r"""Return the outline of a section in a CSV or DXF file: a closed contour, and holes in it.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def _ending(path: Path) -> str:
     """Return the ending of a file of a known kind."""
     ending = path.suffix.casefold()
     if ending not in (".csv", ".dxf"):
-        hint = "; the CAD program writes DXF with \"save as\" or \"export\"" if ending == ".dwg" else ""
+        hint = '; the CAD program writes DXF with "save as" or "export"' if ending == ".dwg" else ""
         raise FileFormatError(f"has the ending {shown(path.suffix)}, expected .csv or .dxf{hint}")
     return ending
 
@@ -275,7 +275,9 @@ def _profile_layers(sheet: Sheet, wanted: Sequence[str], bores: set[str], notes:
     tool = [name for name in visible if name.casefold() in (_CUTTING, _NOT_CUTTING)]
     chosen = tool or visible
     if len(chosen) != 1 and not tool:
-        counts = join_names([f'"{name}" ({len(sheet.layers[name])} curves)' for name in chosen]) or "none that is visible"
+        counts = (
+            join_names([f'"{name}" ({len(sheet.layers[name])} curves)' for name in chosen]) or "none that is visible"
+        )
         raise FileFormatError(
             f"the drawing has the layers {counts}, expected one with the profile; give its name as `layer`",
             option="layer",
@@ -337,7 +339,9 @@ def _written_axis(sheet: Sheet, written: str) -> Frame:
 
 def _check_assumed_axis(body: Revolved, frame: Frame, tolerance: float) -> None:
     """Raise if a profile that does not touch the assumed axis is symmetric about another one, which may be meant."""
-    middles = [0.5 * (inner + outer) for ring in body.rings for inner, outer in zip(ring.inner, ring.outer, strict=True)]
+    middles = [
+        0.5 * (inner + outer) for ring in body.rings for inner, outer in zip(ring.inner, ring.outer, strict=True)
+    ]
     touches = any(min(ring.inner) <= tolerance for ring in body.rings)
     if body.sides == "both" or touches or max(middles) - min(middles) > 2.0 * tolerance:
         return
@@ -361,7 +365,7 @@ def _assumed_tip(loops: dict[str, list[Loop]], frame: Frame, notes: list[str]) -
         tip = ends[0] if x.min() + x.max() < rest.min() + rest.max() else ends[1]
         notes.append(f"the tip is at the {tip}, where the layer CUT is")
         return tip
-    notes.append(f"the tip is assumed at the {ends[0]}; `tip` states another end, "{ends[1]}")
+    notes.append(f'the tip is assumed at the {ends[0]}; `tip` states another end, "{ends[1]}"')
     return ends[0]
 
 

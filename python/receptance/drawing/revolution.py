@@ -1,7 +1,7 @@
 """Bodies of revolution from closed contours: the profile and the bores, or why there is no such body.
 
-The contours are cut across the axis at all their corners. In each interval between two cuts the edges are straight lines
-in a fixed order, so the material of a layer is between every second pair of them (even-odd rule).
+The contours are cut across the axis at all their corners. In each interval between two cuts the edges are straight
+lines in a fixed order, so the material of a layer is between every second pair of them (even-odd rule).
 """
 
 from __future__ import annotations
@@ -211,9 +211,8 @@ def _bands(edges: _Edges, low: float, high: float, tolerance: float) -> dict[tup
                     outside = (max(outer[0], 0.0), max(outer[1], 0.0))
                     if 0.5 * (sum(outside) - near - far) > 0.0:
                         found.setdefault((layer, side), []).append(Band((near, far), outside, pair))
-    for (_, side), bands in found.items():
+    for bands in found.values():
         bands.sort(key=lambda band: band.middle)
-        del side
     return found
 
 

@@ -76,6 +76,12 @@ class Piece:
         return same and self.inner_diameter == self.end_inner_diameter
 
     @property
+    def _ends(self) -> tuple[tuple[float, float, float], ...]:
+        """Diameters of body and bore at both ends, with the sign of what they enclose."""
+        outer, inner = (self.outer_diameter, self.end_outer_diameter), (self.inner_diameter, self.end_inner_diameter)
+        return (*outer, 1.0), (*inner, -1.0)
+
+    @property
     def volume(self) -> float:
         """Volume in m3, of the frustum less that of the bore: pi length (a^2 + a b + b^2) / 12 of each."""
         ends = (
@@ -344,8 +350,8 @@ def _with_faces(owner: str, chain: Chain) -> tuple[Chain, tuple[str, ...]]:
             chain = ((x, face), (reached, face), *chain[index:])
             chain = _without_repeats(list(chain))
             notes.append(
-                f"the {place} end is a point at x = {millimetres(sign * x)}; a face of the diameter {millimetres(face)} "
-                f"replaces it over {millimetres(abs(reached - x))}"
+                f"the {place} end is a point at x = {millimetres(sign * x)}; a face of the diameter "
+                f"{millimetres(face)} replaces it over {millimetres(abs(reached - x))}"
             )
         # The far end is the near one of the reflected profile.
         chain = tuple((-x, diameter) for x, diameter in reversed(chain))
@@ -382,8 +388,8 @@ def _check_bores(owner: str, body: Chain, bores: Sequence[Chain]) -> None:
         ends = bore[0][0], bore[-1][0]
         if ends[0] < low - _SAME or ends[1] > high + _SAME:
             raise ValueError(
-                f"{owner}: bores[{index}] is from x = {millimetres(ends[0])} to {millimetres(ends[1])}, expected a bore "
-                f"inside of the body, which is from {millimetres(low)} to {millimetres(high)}"
+                f"{owner}: bores[{index}] is from x = {millimetres(ends[0])} to {millimetres(ends[1])}, expected a "
+                f"bore inside of the body, which is from {millimetres(low)} to {millimetres(high)}"
             )
     ordered = sorted(range(len(bores)), key=lambda index: bores[index][0][0])
     for before, after in pairwise(ordered):
