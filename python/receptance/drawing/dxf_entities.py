@@ -101,14 +101,14 @@ def read_sheet(file: Path, *, unit: str = "", tolerance: float) -> Sheet:
             continue
         called = f"{kind} #{entity.dxf.handle}" if entity.dxf.handle else f"{kind} of {owner}"
         layer = printable(entity.dxf.layer)
-        path = _flat(_points(entity, 0.25 * distance), distance, layer, called)
+        path = _flat(_points(entity, 0.05 * distance), distance, layer, called)
         points += len(path)
         if points > MOST_POINTS:
             raise FileFormatError(
                 f"the curves of the drawing have more than {MOST_POINTS} points; {_SMALLER}, with arcs as arcs, or give "
                 "a larger tolerance"
             )
-        sheet.layers.setdefault(layer, []).append(Curve(simplified(path, 0.25 * distance), called, layer))
+        sheet.layers.setdefault(layer, []).append(Curve(simplified(path, 0.45 * distance), called, layer))
     if ignored:
         listed = ", ".join(f"{number} {kind}" for kind, number in sorted(ignored.items()))
         sheet.notes.append(f"entities that are no lines are left out: {listed}")

@@ -110,7 +110,7 @@ def read_contour(file: str | PathLike[str], **options: Unpack[DrawingOptions]) -
     >>> from receptance import drawing
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = Path(folder) / "nose.csv"
-    ...     _ = file.write_text("x [mm],diameter [mm]\n0,20\\n50,30\\n")
+    ...     _ = file.write_text("x [mm],diameter [mm]\n0,20\n50,30\n")
     ...     drawing.read_contour(file).contour.outer
     ((0.0, 0.02), (0.05, 0.03))
     """
@@ -166,7 +166,7 @@ def outline(
     >>> from receptance import drawing
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = Path(folder) / "strip.csv"
-    ...     _ = file.write_text("x [mm],y [mm]\\n0,0\\n50,0\\n50,2\\n0,2\\n")
+    ...     _ = file.write_text("x [mm],y [mm]\n0,0\n50,0\n50,2\n0,2\n")
     ...     drawing.outline(file).points
     ((0.0, 0.0), (0.05, 0.0), (0.05, 0.002), (0.0, 0.002))
     """
@@ -248,7 +248,6 @@ def _drawn(sheet: Sheet, options: DrawingOptions, tolerance: float) -> DrawnCont
         notes += more
         if not loops[name]:
             raise wrong("has no contour beside the axis", name, curves[0].entity)
-    # A third of the tolerance each is for curves, corners with one x, and corners with one direction.
     body = revolve({name: loops[name] for name in profiles}, {name: loops[name] for name in bores}, frame, across)
     if assumed:
         _check_assumed_axis(body, frame, across)

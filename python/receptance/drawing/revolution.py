@@ -55,7 +55,10 @@ class Revolved:
 
 
 class _Edges:
-    """The edges of all contours, with their layers and entities; corners that nearly have one x have the same."""
+    """The edges of all contours, with their layers and entities; corners that nearly have one x have the same.
+
+    Of the tolerance this takes one half; the other one is that of the polylines.
+    """
 
     def __init__(self, layers: Mapping[str, Sequence[Loop]], tolerance: float) -> None:
         starts: list[Points] = []
