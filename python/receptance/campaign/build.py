@@ -220,7 +220,7 @@ class Builder:
     def _part(self, name: str, table: PartTable) -> Part:
         path: KeyPath = ("parts", name)
         if table.contour is not None:
-            made = self._part_of_contour(name, table)
+            made = self._part_of_contour(name, table, table.contour)
             return coupling.as_rigid(made) if table.rigid else made
         for key in sorted(table.written & _OF_CONTOUR):
             self.fail((*path, key), "is given without `contour`, expected that as well, or none of the two")
@@ -232,7 +232,7 @@ class Builder:
         made = Part(segments, name=name)
         return coupling.as_rigid(made) if table.rigid else made
 
-    def _part_of_contour(self, name: str, table: PartTable) -> Part:
+    def _part_of_contour(self, name: str, table: PartTable, file: str) -> Part:
         """Return the part of a drawing; what the drawing does not state is noted."""
         path: KeyPath = ("parts", name)
         self.require(path)
@@ -253,7 +253,7 @@ class Builder:
             options["axis"] = table.axis
         if table.tip is not None:
             options["tip"] = table.tip
-        drawn = self.make((*path, "contour"), drawing.read_contour, self.folder / table.contour, **options)
+        drawn = self.make((*path, "contour"), drawing.read_contour, self.folder / file, **options)
         for text in drawn.assumptions:
             self.note((*path, "contour"), text)
         material = self.built.materials.get(table.material, STEEL)

@@ -115,8 +115,8 @@ class PartTable(KeyTable):
         least=1,
     ).default(_NONE)
     contour = data_file(
-        "drawing of the contour, in place of segments: CSV with `x [mm]` and `diameter [mm]`, or DXF; the following keys "
-        "are only for it"
+        "drawing of the contour, in place of segments: CSV with `x [mm]` and `diameter [mm]`, or DXF; the following "
+        "keys are only for it"
     ).default(None)
     material = name_in("name of the material of a contour", "materials").default(None)
     layer: str | list[str] | None = one_or_list(

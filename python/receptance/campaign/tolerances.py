@@ -165,7 +165,7 @@ def _of_contour(name: str, part: Part, campaign: CampaignTable) -> Iterator[_Inh
                 # A bore that is not there, or ends in a point, has no tolerance.
                 if getattr(segment, field):
                     yield f"{first}.{field}", (*place, "tolerance", key), deviation
-        if table.material in campaign.materials:
+        if table.material is not None and table.material in campaign.materials:
             yield from _own(("materials", table.material), first, campaign.materials[table.material].tolerance)
 
 

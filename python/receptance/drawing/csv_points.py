@@ -92,6 +92,8 @@ def read_csv(file: Path, *, unit: str = "", tolerance: float) -> Contour:
     except PointError as error:
         profile = error.profile.removeprefix("contour: ")
         raise FileFormatError(error.problem, line=profiles[profile].lines[error.index]) from None
+    except ValueError as error:
+        raise FileFormatError(str(error).removeprefix("contour: ")) from None
 
 
 def read_outline(file: Path, *, unit: str = "") -> list[list[tuple[float, float]]]:

@@ -92,8 +92,8 @@ def wrong(problem: str, layer: str, entity: str = "", at: str = "") -> FileForma
 def simplified(points: Points, tolerance: float) -> Points:
     """Return the points of a polyline without those that are not needed within a tolerance.
 
-    The method is that of Douglas and Peucker (Cartographica 10, 1973, 112): the point that is farthest from the chord
-    divides a polyline until no point is farther from its chord than the tolerance. The ends stay.
+    From each point on the longest chord is taken that is no farther than the tolerance from all points between its
+    ends; its length is found by doubling and bisection. The ends stay.
 
     Examples
     --------
@@ -102,28 +102,34 @@ def simplified(points: Points, tolerance: float) -> Points:
     >>> simplified(np.array([[0.0, 0.0], [1.0, 0.001], [2.0, 0.0], [2.0, 1.0]]), 0.01).tolist()
     [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0]]
     """
-    count = len(points)
-    if count < 3:
-        return points
-    kept = np.zeros(count, dtype=bool)
-    kept[[0, -1]] = True
-    waiting = [(0, count - 1)]
-    while waiting:
-        first, last = waiting.pop()
-        if last - first < 2:
-            continue
-        start, chord = points[first], points[last] - points[first]
-        inner = points[first + 1 : last] - start
-        length = math.hypot(*chord)
-        # The distance from the chord, not from its line: a curve may return beside its ends.
-        along = np.clip(inner @ chord / length**2, 0.0, 1.0) if length > 0.0 else np.zeros(len(inner))
-        distance = np.hypot(*(inner - along[:, None] * chord).T)
-        farthest = int(distance.argmax())
-        if distance[farthest] > tolerance:
-            middle = first + 1 + farthest
-            kept[middle] = True
-            waiting += [(first, middle), (middle, last)]
+    last = len(points) - 1
+    kept = [0]
+    while kept[-1] < last:
+        first = kept[-1]
+        good, step = first + 1, 2
+        while first + step <= last and _is_chord(points[first : first + step + 1], tolerance):
+            good, step = first + step, 2 * step
+        bad = min(first + step, last + 1)
+        if bad == last + 1 and good < last and _is_chord(points[first:], tolerance):
+            good, bad = last, last + 1
+        while bad - good > 1:
+            middle = (good + bad) // 2
+            if _is_chord(points[first : middle + 1], tolerance):
+                good = middle
+            else:
+                bad = middle
+        kept.append(good)
     return points[kept]
+
+
+def _is_chord(points: Points, tolerance: float) -> bool:
+    """Return whether all points are within a tolerance of the chord from the first to the last one."""
+    chord = points[-1] - points[0]
+    inner = points[1:-1] - points[0]
+    length = math.hypot(*chord)
+    # The distance from the chord, not from its line: a curve may return beside its ends.
+    along = np.clip(inner @ chord / length**2, 0.0, 1.0) if length > 0.0 else np.zeros(len(inner))
+    return bool(np.hypot(*(inner - along[:, None] * chord).T).max(initial=0.0) <= tolerance)
 
 
 # Contours -------------------------------------------------------------------------------------------------------------

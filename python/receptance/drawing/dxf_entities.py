@@ -105,8 +105,8 @@ def read_sheet(file: Path, *, unit: str = "", tolerance: float) -> Sheet:
         points += len(path)
         if points > MOST_POINTS:
             raise FileFormatError(
-                f"the curves of the drawing have more than {MOST_POINTS} points; {_SMALLER}, with arcs as arcs, or give "
-                "a larger tolerance"
+                f"the curves of the drawing have more than {MOST_POINTS} points; {_SMALLER}, with arcs as arcs, or "
+                "give a larger tolerance"
             )
         sheet.layers.setdefault(layer, []).append(Curve(simplified(path, 0.45 * distance), called, layer))
     if ignored:

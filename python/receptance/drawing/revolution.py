@@ -276,7 +276,7 @@ def _check_single(
     """Raise if a layer has material of several contours in an interval."""
     if ends[1] - ends[0] < _LEAST * tolerance:
         return
-    for layer, own in bands.items():
+    for own in bands.values():
         loops = {edges.loops[band.edges[1]] for band in own}
         if len(own) > 1 and len(loops) > 1:
             x = 0.5 * sum(ends)

@@ -113,9 +113,9 @@ class Contour:
     outer : sequence of points
         Points (x, diameter) in m, from the tip-side end to the far end. Two points at one x are a step, other ones the
         ends of a cylinder or a cone. A point (x, diameter, r) ends an arc of the radius |r| from the point before it,
-        the shorter one of the two: with r > 0 it bulges away from the axis, with r < 0 towards it. An end in a point, of
-        a drill or a ball nose, is replaced by a face of a fifth of the largest diameter, and `notes` tell it, because
-        the flexibility of a pointed beam at its point is unbounded.
+        the shorter one of the two: with r > 0 it bulges away from the axis, with r < 0 towards it. An end in a point,
+        of a drill or a ball nose, is replaced by a face of a fifth of the largest diameter, and `notes` tell it,
+        because the flexibility of a pointed beam at its point is unbounded.
     bores : sequence of sequences of points, optional
         The profile of each bore, in the same form; a bore may end in a point. Bores do not overlap.
     radii : bool, optional
@@ -355,8 +355,8 @@ def _with_faces(owner: str, chain: Chain) -> tuple[Chain, tuple[str, ...]]:
             )
         # The far end is the near one of the reflected profile.
         chain = tuple((-x, diameter) for x, diameter in reversed(chain))
-    for (x, diameter), (_, after) in pairwise(chain):
-        if diameter < _SAME or after < _SAME:
+    for x, diameter in chain:
+        if diameter < _SAME:
             raise ValueError(
                 f"{owner} has the diameter 0 at x = {millimetres(x)}, expected a body that is in one piece"
             )
