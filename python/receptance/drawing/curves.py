@@ -295,8 +295,11 @@ def _check_nodes(net: _Net, frame: Frame, axis: bool) -> None:
         return
     index, end = free[0]
     curve, here = net.curves[index], net.places[end]
-    problem = "the contour is open: its end touches no other line"
-    others = [(math.hypot(*(net.places[o] - here)), net.curves[i].entity, o) for i, o in free if o != end]
+    problem = "the contour is open: this end touches no other line"
+    others = [(math.hypot(*(net.places[o] - here)), net.curves[i].entity, o) for i, o in free if i != index]
+    own = 2 * index + 1 - end % 2
+    if not others and len(curve.points) > 2 and any(o == own for _, o in free):
+        others = [(math.hypot(*(net.places[own] - here)), "the same entity", own)]
     if others:
         gap, entity, other = min(others)
         near = frame.place(net.places[other])

@@ -136,6 +136,8 @@ def _check_size(file: Path) -> None:
     if not data.startswith(_BINARY):
         if b"SECTION" not in data[:65536]:
             raise FileFormatError("is no DXF file: it has no SECTION")
+        if not data.rstrip(b"\x00\x1a \t\r\n").endswith(b"EOF"):
+            raise FileFormatError("the DXF file is damaged: it has no EOF at its end, so that entities may be missing")
         entities = data[max(data.find(b"ENTITIES"), 0) :]
         count = sum(1 for _ in _TAG.finditer(entities))
         if count > MOST_ENTITIES:
@@ -153,7 +155,7 @@ def _document(file: Path) -> tuple[Any, list[str]]:
 
     try:
         return readfile(file), []
-    except (DXFError, UnicodeDecodeError, ValueError, KeyError, TypeError, IndexError, AttributeError):
+    except (DXFError, OSError, UnicodeDecodeError, ValueError, KeyError, TypeError, IndexError, AttributeError):
         pass  # a damaged file is read again, slower
     try:
         document, auditor = recover.readfile(file)
@@ -165,7 +167,7 @@ def _document(file: Path) -> tuple[Any, list[str]]:
             f"the DXF file is damaged, {len(auditor.errors)} errors, the first: {first}; save it again with the CAD "
             "program"
         )
-    return document, [f"the DXF file is damaged and was read with {len(auditor.fixes)} repairs"]
+    return document, [f"the DXF file is damaged and was read with repairs ({len(auditor.fixes)} of entities)"]
 
 
 def _unit(document: Any, unit: str) -> tuple[str, list[str]]:
