@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -46,7 +47,7 @@ def test_arcs_are_within_the_tolerance(radius: float, tolerance: float) -> None:
     for side, centre in ((1.0, (radius, 0.01)), (-1.0, (0.0, 0.01 + radius))):
         contour = Contour([start, (*end, side * radius), (radius + 0.01, end[1])], tolerance=tolerance)
         chain = [(x, 0.5 * diameter) for x, diameter in contour.outer if x <= radius]
-        for (x0, r0), (x1, r1) in zip(chain, chain[1:], strict=False):
+        for (x0, r0), (x1, r1) in pairwise(chain):
             corners = [math.hypot(x0 - centre[0], r0 - centre[1]), math.hypot(x1 - centre[0], r1 - centre[1])]
             middle = math.hypot(0.5 * (x0 + x1) - centre[0], 0.5 * (r0 + r1) - centre[1])
             assert corners == pytest.approx([radius, radius], rel=1e-9)
@@ -60,9 +61,8 @@ def test_a_half_profile_is_the_same_contour() -> None:
 
 
 def test_pieces_end_where_the_profile_or_a_bore_changes() -> None:
-    contour = Contour(
-        [(0.0, 0.03), (0.02, 0.03), (0.02, 0.05), (0.06, 0.07)], [[(0.0, 0.01), (0.03, 0.01)], [(0.05, 0.0), (0.06, 0.02)]]
-    )  # fmt: skip
+    bores = [[(0.0, 0.01), (0.03, 0.01)], [(0.05, 0.0), (0.06, 0.02)]]
+    contour = Contour([(0.0, 0.03), (0.02, 0.03), (0.02, 0.05), (0.06, 0.07)], bores)
     assert [round(1e3 * piece.start) for piece in contour.pieces] == [0, 20, 30, 50]
     diameters = [(piece.outer_diameter, piece.end_outer_diameter) for piece in contour.pieces]
     assert np.ravel(diameters) == pytest.approx([0.03, 0.03, 0.05, 0.055, 0.055, 0.065, 0.065, 0.07])
@@ -112,7 +112,7 @@ WRONG = {
         [(0.0, 0.02), (0.1, 0.02)], [[(0.0, 0.01), (0.05, 0.01)], [(0.04, 0.008), (0.1, 0.008)]],
         "bores[1] begins at x = 40 mm, where bores[0], which ends at 50 mm, still is",
     ),
-    "short arc": ([(0.0, 0.02), (0.1, 0.02, 0.03)], [], "outer[1] ends an arc of the radius 30 mm, but its ends are 100 mm"),
+    "short arc": ([(0.0, 0.02), (0.1, 0.02, 0.03)], [], "outer[1] ends an arc of the radius 30 mm, but its ends"),
     "undercut": ([(0.0, 0.02), (0.0, 0.04, -0.006)], [], "that goes back at x"),
     "unit": ([(0.0, 30.0), (50.0, 40.0, 80.0), (60.0, 40.0)], [], "give lengths in metres, not in millimetres"),
 }  # fmt: skip

@@ -71,7 +71,7 @@ def test_the_unit_is_that_of_the_file(tmp_path: Path, code: int, factor: float) 
 
 def test_a_unit_that_is_missing_is_asked_for(tmp_path: Path) -> None:
     file = drawn_holder.write(tmp_path / "holder.dxf", unit=0)
-    with pytest.raises(ValueError, match="states no unit .* expected one; give it as `unit`") as caught:
+    with pytest.raises(ValueError, match=r"states no unit .* expected one; give it as `unit`") as caught:
         drawing.read_contour(file)
     assert caught.value.option == "unit"
     drawn = drawing.read_contour(file, unit="mm")
@@ -238,7 +238,8 @@ def from_csv(folder: Path, text: str, **options: Any) -> DrawnContour:
 
 
 def test_tables_have_units_arcs_and_bores(tmp_path: Path) -> None:
-    text = "# a holder\nx [mm],radius [mm],arc [mm],bore [cm]\n0,10,,1\n30,10,,1\n40,20,-10,\n60,20,,\n60,15,,0.5\n80,15,,0.5\n"
+    rows = ("0,10,,1", "30,10,,1", "40,20,-10,", "60,20,,", "60,15,,0.5", "80,15,,0.5", "")
+    text = "# a holder\nx [mm],radius [mm],arc [mm],bore [cm]\n" + "\n".join(rows)
     contour = from_csv(tmp_path, text).contour
     assert contour.bores == (((0.0, 0.01), (0.03, 0.01)), ((0.06, 0.005), (0.08, 0.005)))
     assert contour.outer[0] == (0.0, 0.02)
