@@ -45,6 +45,8 @@ from .model.joints import MicroslipJoint as MicroslipJoint
 from .model.joints import PointJoint as PointJoint
 from .model.joints import PointMass as PointMass
 from .model.joints import Resonator as Resonator
+from .model.materials import MATERIALS as MATERIALS
+from .model.materials import material as material
 from .model.modes import DampedModes as DampedModes
 from .model.modes import ModeShapes as ModeShapes
 from .model.modes import damped_modes as damped_modes
