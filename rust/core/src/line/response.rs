@@ -368,7 +368,7 @@ impl<const D: usize> Job<'_, D> {
                         block.overlaps[row].derivatives(block.w2, overlap, left, right);
                 }
                 for (k, gradient) in self.gradients.iter().enumerate() {
-                    gradient.evaluate(block, left, right, sensitivities).store(&mut lanes);
+                    gradient.evaluate(&self.prepared, block, left, right, sensitivities).store(&mut lanes);
                     for lane in 0..lines {
                         let line = (start + lane) * rows * columns + pair;
                         dh[line * parameters + k] = lanes[lane];
