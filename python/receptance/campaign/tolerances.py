@@ -139,9 +139,9 @@ def _inherited(assembly: Assembly, campaign: CampaignTable, parts: Mapping[str, 
 
 def _of_segment(first: str, segment: Segment, own: Deviations, campaign: CampaignTable) -> Iterator[_Inherited]:
     """Yield the tolerances of a segment that is not in the file, and of its materials."""
-    for address in (f"{first}.{name}" for name in Segment.declared):
-        if address in own:
-            yield address, (address,), own[address]
+    for address, deviation in own.items():
+        if address.startswith(f"{first}."):
+            yield address, (address,), deviation
     for name, member in Segment.declared.items():
         material = getattr(segment, name)
         if isinstance(member, Member) and material is not None and material.name in campaign.materials:

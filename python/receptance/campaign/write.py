@@ -296,7 +296,8 @@ def _write_structure(
         data.setdefault(section, {})[name] = table
     for title, extended in assemblies.items():
         _write_assembly(data, title, extended, {name: base for name, (base, _) in tables.items()}, unknown)
-    data["materials"].update(materials.added)
+    if materials.added:
+        data.setdefault("materials", {}).update(materials.added)
 
 
 def _write_assembly(

@@ -9,12 +9,13 @@ from typing import Any
 
 from receptance._text import instead_of
 from receptance.campaign import Campaign, CampaignError, Deviation, Issue
+from receptance.campaign.listed_materials import listed_deviations, listed_materials
 from receptance.campaign.tolerances import inherited_tolerances
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
 from receptance.fit.parameters import Site
 from receptance.fit.unknowns import Tolerance
 from receptance.model.assembly import Assembly
-from receptance.model.beams import STEEL, Part, Segment
+from receptance.model.beams import STEEL, Material, Part, Segment
 from receptance.model.terminals import MeasuredPart, ModalPart
 
 _NO_CATALOGUE = """there is no [catalogue]; write one, such as
@@ -86,6 +87,7 @@ class Catalogue:
         self.file = _source(tools, table.tools, campaign, "tools")
         rows = tools if isinstance(tools, Sequence) and not isinstance(tools, str) else read_tools(self.file)
         self.tools: tuple[ToolRow, ...] = tuple(rows)
+        self._listed = listed_materials((row.material for row in self.tools), campaign.built.materials)
         self._holders: dict[str, Part] = {}
         self._read_holders(holders)
         self._check_tools()
@@ -96,6 +98,11 @@ class Catalogue:
     def __iter__(self) -> Iterator[ToolAssembly]:
         """Yield the assembly of each tool; none is stored."""
         return map(self.assemble, self.tools)
+
+    @property
+    def materials(self) -> dict[str, Material]:
+        """Materials of the campaign, and those of the list that rows name."""
+        return {**self._listed, **self.campaign.built.materials}
 
     def assemble(self, row: ToolRow) -> ToolAssembly:
         """Return the assembly of a row with its errors."""
@@ -114,6 +121,9 @@ class Catalogue:
             links.append(self.spindle)
         assembly = Assembly(links, [built.attachments[name] for name in self.table.attachments])
         parts: dict[str, dict[str, Deviation]] = {**{name: {} for name in self._holders}, _TOOL: deviations}
+        for name in parts:
+            if name in assembly.parts:
+                parts[name] = parts[name] | self._of_materials(assembly.parts[name])
         inherited = inherited_tolerances(assembly, self.campaign.table, self.campaign.built, parts)
         by_name = {tolerance.name: tolerance for tolerance in (*inherited, *self.errors)}
         return ToolAssembly(row, Site(assembly, row.name, "", row.conditions), tuple(by_name.values()))
@@ -138,10 +148,20 @@ class Catalogue:
                     length=length,
                     outer_diameter=diameter,
                     inner_diameter=row.bore,
-                    material=self.campaign.built.materials[row.material],
+                    material=self.materials[row.material],
                 )
             )
         return segments, {address: deviation for address, deviation in deviations.items() if deviation is not None}
+
+    def _of_materials(self, part: Part) -> dict[str, Deviation]:
+        """Return the standard deviations of listed materials in a part, by address."""
+        deviations: dict[str, Deviation] = {}
+        for index, segment in enumerate(part.segments):
+            for prefix, material in (("", segment.material), ("core.", segment.core)):
+                if material is not None and material.name in self._listed:
+                    address = f"{part.name}.segment[{index}].{prefix}"
+                    deviations |= {f"{address}{key}": one for key, one in listed_deviations(material.name).items()}
+        return deviations
 
     def _read_holders(self, holders: str | Path | Mapping[str, list[HolderRow]] | None) -> None:
         if holders is None and self.table.holders is None:
@@ -149,6 +169,9 @@ class Catalogue:
         file = _source(holders, self.table.holders, self.campaign, "holders")
         rows = holders if isinstance(holders, Mapping) else read_holders(file)
         built = self.campaign.built
+        of_holders = (name for holder in rows.values() for row in holder for name in (row.material, row.core))
+        self._listed |= listed_materials(of_holders, built.materials)
+        materials = self.materials
         problems: list[Issue] = []
         for name, holder_rows in rows.items():
             if name == _TOOL or name in built.parts or name in built.joints:
@@ -157,9 +180,9 @@ class Catalogue:
             segments = []
             for index, row in enumerate(holder_rows):
                 for key, material in (("material", row.material), ("core", row.core)):
-                    if material and material not in built.materials:
+                    if material and material not in materials:
                         text = f'is "{material}", which is not a material of the campaign'
-                        text += instead_of(material, built.materials)
+                        text += instead_of(material, materials)
                         problems.append(Issue((name, index, key), text, row.line))
                 try:
                     segments.append(
@@ -168,8 +191,8 @@ class Catalogue:
                             outer_diameter=row.outer_diameter,
                             inner_diameter=row.inner_diameter,
                             # An unknown material was reported; with steel in its place dimensions are checked as well.
-                            material=built.materials.get(row.material, STEEL),
-                            core=built.materials.get(row.core, STEEL) if row.core else None,
+                            material=materials.get(row.material, STEEL),
+                            core=materials.get(row.core, STEEL) if row.core else None,
                         )
                     )
                 except ValueError as error:
@@ -187,12 +210,12 @@ class Catalogue:
             for key, name, names in (
                 ("holder", row.holder, {**built.parts, **self._holders}),
                 ("joint", row.joint, built.joints),
-                ("material", row.material, built.materials),
+                ("material", row.material, self.materials),
             ):
                 if name and name not in names:
                     text = f'is "{name}", which is not known{instead_of(name, names)}'
                     problems.append(Issue((row.name, key), text, row.line))
-            if row.material in built.materials:
+            if row.material in self.materials:
                 try:
                     self._segments(row)
                 except ValueError as error:
