@@ -160,7 +160,8 @@ def carbide(cobalt: float) -> Grade:
     the middle between the bounds of Hashin and Shtrikman (J. Mech. Phys. Solids 11, 1963, 127, equations 4.1 to 4.4),
     of WC with 707 GPa and a ratio of 0.19 (Doi et al., Metall. Trans. 1, 1970, 1417) and cobalt with 211 GPa and 0.31.
     The standard deviation of the modulus is that of a uniform distribution between the bounds, and 1.5 % for grain
-    size and other carbides; that of the density is half a percent of cobalt in mass, and 0.5 %.
+    size and other carbides; that of the density is half a percent of cobalt in mass, and 0.5 %. Values are rounded to
+    four or five digits.
 
     Parameters
     ----------
@@ -192,11 +193,11 @@ def carbide(cobalt: float) -> Grade:
         name=f"carbide-{100.0 * cobalt:g}co",
         title=f"cemented carbide, WC with {100.0 * cobalt:g} % Co",
         kind="cemented carbide",
-        youngs_modulus=modulus,
+        youngs_modulus=round(modulus, -8),
         modulus_scatter=math.hypot(0.015, 0.5 * (upper - lower) / math.sqrt(3.0) / modulus),
-        density=density,
+        density=round(density),
         density_scatter=math.hypot(0.005, of_cobalt / density),
-        poisson_ratio=0.5 * (ratio_of_upper + ratio_of_lower),
+        poisson_ratio=round(0.5 * (ratio_of_upper + ratio_of_lower), 3),
         poisson_scatter=0.01,
         source="mean of the bounds of Hashin and Shtrikman 1963 with the moduli of Doi et al. 1970; rule of mixtures",
     )
@@ -467,7 +468,7 @@ def material(name: str, *, loss_factor: float = 0.0) -> Material:
     >>> from receptance import STEEL, material
     >>> material("steel") == STEEL
     True
-    >>> round(material("carbide 10% Co", loss_factor=0.001).density)
-    14531
+    >>> material("carbide 10% Co", loss_factor=0.001).density
+    14531.0
     """
     return grade(name).material(loss_factor)
