@@ -39,6 +39,8 @@ from .model.beams import Section as Section
 from .model.beams import Segment as Segment
 from .model.beams import SpreadJoint as SpreadJoint
 from .model.coordinates import Coordinate as Coordinate
+from .model.insertion import Insertion as Insertion
+from .model.insertion import insert as insert
 from .model.joints import ColletJoint as ColletJoint
 from .model.joints import GroundSpring as GroundSpring
 from .model.joints import MicroslipJoint as MicroslipJoint
