@@ -11,6 +11,7 @@ from typing import Any
 
 from receptance import _checks
 from receptance.model.addresses import edges_of
+from receptance.model.assembly import Assembly
 from receptance.model.beams import Material, Part, Segment
 
 FIT = 0.01
@@ -200,6 +201,54 @@ def insert(tool: Part, holder: Part, length: float, *, bore_solid: bool = False)
             segment = holder.segments[number]
             nose.append(segment.between(near, far) if near > 0.0 else segment)
     return Insertion(Part(front, name=names[0]), Part(nose, name=names[1]), length, tuple(pieces))
+
+
+def with_insertion(assembly: Assembly, length: float) -> tuple[Assembly, Insertion]:
+    """Return an assembly with the shank of its tool in the bore of its holder, both as drawn, and the insertion.
+
+    Tool and holder are the parts before and behind the first joint, or the first two parts of a chain without joints.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Parts as drawn, and a joint without length between them, which acts at the mouth of the bore.
+    length : float
+        Length of the shank in the bore in m.
+
+    Raises
+    ------
+    ValueError, TypeError
+        No two such parts, a joint that has the insertion itself, an attachment on the shank in the bore, or a shank
+        that `insert` refuses.
+
+    Examples
+    --------
+    >>> from receptance import CARBIDE, STEEL, Assembly, Part, PointJoint, Segment
+    >>> from receptance.model.insertion import with_insertion
+    >>> tool = Part([Segment(length=0.1, outer_diameter=0.012, material=CARBIDE)], name="tool")
+    >>> nose = Segment(length=0.08, outer_diameter=0.04, inner_diameter=0.012, material=STEEL)
+    >>> joint = PointJoint(k_y=5e8, k_theta=1e5, name="joint")
+    >>> assembly, _ = with_insertion(Assembly([tool, joint, Part([nose], name="holder")]), 0.03)
+    >>> f"{assembly.length:g} m", assembly.get("holder.segment[0].core.density")
+    ('0.15 m', 14500.0)
+    """
+    chain = list(assembly.elements.items())
+    joint = next((index for index, (_, element) in enumerate(chain) if element.role == "joint"), None)
+    before, behind = (0, 1) if joint is None else (joint - 1, joint + 1)
+    pair = [element for _, element in chain[before : behind + 1] if isinstance(element, Part)]
+    if len(pair) < 2:
+        names = ", ".join(assembly.elements)
+        raise ValueError(f"the chain is {names}, expected the tool and the holder as parts on both sides of a joint")
+    if joint is not None and hasattr(chain[joint][1], "length"):
+        name, element = chain[joint]
+        raise ValueError(
+            f"the joint {name!r} is a {type(element).__name__}, which has the shank and the sleeve of the insertion "
+            "itself; expected a joint without length, or no insertion"
+        )
+    made = insert(replace(pair[0], name=chain[before][0]), replace(pair[1], name=chain[behind][0]), length)
+    chain[before], chain[behind] = (made.tool.name, made.tool), (made.holder.name, made.holder)
+    elements = [element for _, element in chain]
+    return Assembly(elements, assembly.attachments.values(), motion=assembly.motion), made
 
 
 def _distinct(places: Sequence[float]) -> list[float]:
