@@ -46,6 +46,7 @@ _KINDS = (
     *(kind.__name__ for kind in (Material, Part, Segment, ModalPart, Mode, Assembly, Unknown)),
     *(keys.element.__name__ for keys in (*JOINTS.choices, *ATTACHMENTS.choices) if keys.element is not None),
     "Section",
+    "insert",
     "Candidate",
     "Observation",
     "Milling",
@@ -440,7 +441,7 @@ class Builder:
         for title, unknown in self.built.unknowns.items():
             addresses = addresses_of(unknown)
             moved = {own for address in addresses for own in covered(address, made)}
-            more: dict[str, None] = {}
+            more: dict[str, float] = {}
             for own in sorted({own for address in addresses for own in covered(address, shank.drawn)}):
                 targets = shank.insertion.moved(own)
                 if own not in targets:
@@ -450,10 +451,11 @@ class Builder:
                         "shank ends"
                     )
                     self.problems.add(("unknowns", title), text if targets else f"moves {own}, which is in the bore")
-                more |= dict.fromkeys(target for target in targets if target not in moved)
+                more |= {target: factor for target, factor in targets.items() if target not in moved}
             if more:
-                text = f"in {path_text(path)} it moves what protrudes, and not {one_of(more)}; `also` can add it"
-                self.note(("unknowns", title), text)
+                also = ", ".join(f'"{target}" = {factor:g}' for target, factor in more.items())
+                text = f"in {path_text(path)} it moves the tool in front of the bore alone, unless it has also = "
+                self.note(("unknowns", title), f"{text}{{ {also} }}")
 
     def place(self, path: KeyPath, table: CoordinateTable, assembly: Assembly) -> Coordinate:
         """Return a coordinate on an assembly."""

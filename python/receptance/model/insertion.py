@@ -57,12 +57,16 @@ class Insertion:
         Length of the insertion in m.
     pieces : tuple of Piece
         What has become of every segment as drawn.
+    edges : tuple of (str, int)
+        Ends of the segments of the holder, as name of a part as drawn and number of an end of its segments; the end of
+        the shank is the last one of the tool.
     """
 
     tool: Part
     holder: Part
     length: float
     pieces: tuple[Piece, ...]
+    edges: tuple[tuple[str, int], ...]
 
     @property
     def divided(self) -> int | None:
@@ -77,8 +81,8 @@ class Insertion:
         """Return the parameters that change with a parameter of the parts as drawn, and their change per unit of it.
 
         A modulus of the shank is one of the tool and of the core, a diameter of the holder one of both pieces of a
-        divided segment. A length is one of the piece that is not in the bore, because the insertion is as stated; the
-        diameters of a cone at a cut remain.
+        divided segment. A length changes what is not in the bore, because the insertion is as stated; the diameters of
+        a cone at a cut remain.
 
         Examples
         --------
@@ -99,14 +103,31 @@ class Insertion:
         field, number = match[2], int(match[1])
         pieces = [piece for piece in self.pieces if piece.drawn == (owner, number)]
         if field == "length":
-            free = [piece.made for piece in pieces if not piece.is_core]
-            # Where a segment of the shank is wholly in the bore, what protrudes is longer.
-            part, last = free[-1] if free else (owner, len(self.tool.segments) - 1)
-            return {f"{part}.segment[{last}].length": 1.0}
+            return self._moved_by_length(owner, number)
         moves: dict[str, float] = {}
         for piece in pieces:
             moves |= self._moved_field(piece, field)
         return moves
+
+    def _moved_by_length(self, owner: str, number: int) -> dict[str, float]:
+        """Return the lengths that change with the length of a segment as drawn; the insertion remains as stated."""
+        moves: dict[str, float] = {}
+        if owner == self.tool.name:
+            # Where the segment is in the bore, its end or all of it, what protrudes is longer.
+            moves[f"{owner}.segment[{min(number, len(self.tool.segments) - 1)}].length"] = 1.0
+        shifts = [self._shift(edge, owner, number) for edge in self.edges]
+        for index, (near, far) in enumerate(pairwise(shifts)):
+            if far != near:
+                moves[f"{self.holder.name}.segment[{index}].length"] = far - near
+        return moves
+
+    def _shift(self, edge: tuple[str, int], owner: str, number: int) -> float:
+        """Return how far an end of a segment of the holder moves with the length of a segment as drawn."""
+        part, index = edge
+        if part != owner:
+            return 0.0
+        behind = 1.0 if index > number else 0.0
+        return behind - 1.0 if part == self.tool.name else behind  # the end of the shank does not move
 
     def _moved_field(self, piece: Piece, field: str) -> dict[str, float]:
         part, number = piece.made
@@ -200,7 +221,13 @@ def insert(tool: Part, holder: Part, length: float, *, bore_solid: bool = False)
             pieces.append(Piece((names[1], number), near, far, (names[1], len(nose))))
             segment = holder.segments[number]
             nose.append(segment.between(near, far) if near > 0.0 else segment)
-    return Insertion(Part(front, name=names[0]), Part(nose, name=names[1]), length, tuple(pieces))
+    made = Part(nose, name=names[1])
+    drawn = [(names[1], number, edge) for number, edge in enumerate(edges_of(holder))]
+    drawn += [(names[0], number, edge - cut) for number, edge in enumerate(edges_of(tool))]
+    # Where ends of both parts are in one place, it is that of the holder, so that no segment of no length begins there.
+    nearest = [min(drawn, key=lambda other: abs(other[2] - edge) > 2.0 * _SHORTEST) for edge in edges_of(made)]
+    edges = tuple((part, number) for part, number, _ in nearest)
+    return Insertion(Part(front, name=names[0]), made, length, tuple(pieces), edges)
 
 
 def with_insertion(assembly: Assembly, length: float) -> tuple[Assembly, Insertion]:
