@@ -53,6 +53,7 @@ from .model.modes import DampedModes as DampedModes
 from .model.modes import ModeShapes as ModeShapes
 from .model.modes import damped_modes as damped_modes
 from .model.modes import mode_shapes as mode_shapes
+from .model.sections import SectionShape as SectionShape
 from .model.terminals import MeasuredPart as MeasuredPart
 from .model.terminals import ModalPart as ModalPart
 from .model.terminals import Mode as Mode

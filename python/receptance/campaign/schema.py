@@ -92,7 +92,7 @@ _FLOOR = deviation_share(
 
 
 MATERIAL = element_keys(Material)
-SEGMENT = element_keys(Segment)
+SEGMENT = element_keys(Segment, without=("shape",))
 
 
 class PartTable(KeyTable):

@@ -11,9 +11,8 @@ import numpy as np
 from receptance import _checks, units
 from receptance.errors import warn_user
 from receptance.model.fields import Choice, Count, Element, Field, Member, Name, Number
+from receptance.model.sections import Factors, Plane, SectionShape
 
-SHAPE_COLUMNS = 7
-"""Number of columns of the shape of a section in the core's table of segments."""
 _SOFTEST = 1e5
 """Young's modulus in Pa below which a wrong unit is suspected."""
 _LARGEST_FIT = 1.02
@@ -137,7 +136,7 @@ class Section(_CircularSection):
 
 @dataclass(frozen=True, kw_only=True)
 class Segment(_CircularSection, _Length):
-    """A Timoshenko beam of circular section: a cylinder or a cone, solid, hollow, or hollow and filled.
+    """A Timoshenko beam: a cylinder or a cone, solid, hollow, or hollow and filled; or one with a shape of its own.
 
     Parameters
     ----------
@@ -162,6 +161,14 @@ class Segment(_CircularSection, _Length):
     >>> cone = Segment(length=0.06, outer_diameter=0.03, end_outer_diameter=0.06, material=STEEL)
     >>> round(cone.mass, 3)
     0.777
+
+    A strip that deflects about its flat side:
+
+    >>> from receptance import SectionShape
+    >>> shape = SectionShape.rectangle(width=0.05, height=0.002)
+    >>> strip = Segment(length=0.3, outer_diameter=shape.diameter, shape=shape, material=STEEL)
+    >>> round(strip.mass, 4)
+    0.2355
     """
 
     end_outer_diameter: Annotated[
@@ -170,9 +177,25 @@ class Segment(_CircularSection, _Length):
     end_inner_diameter: Annotated[
         float | None, Number(units.LENGTH_OR_ZERO, "bore at the end of larger x; by default that of the other end")
     ] = None
+    shape: Annotated[
+        SectionShape | None,
+        Field(
+            "shape of the section, scaled so that its reference circle has the outer diameter; a bending motion is in "
+            "its plane y; by default a circle or ring"
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.shape is not None:
+            if not isinstance(self.shape, SectionShape):
+                raise TypeError(f"{self.owner}: shape is {self.shape!r}, expected a SectionShape or None")
+            if self.inner_diameter or self.end_inner_diameter or self.core is not None:
+                raise ValueError(
+                    f"{self.owner}: a shape is given beside a bore or a core, expected the holes in the shape, as in "
+                    "SectionShape.polygon(points, holes=...)"
+                )
+            self.shape.factors("y", self.shear)
         outer, inner = self.ends[1]
         if inner >= outer:
             raise ValueError(
@@ -183,9 +206,13 @@ class Segment(_CircularSection, _Length):
             raise ValueError(f"{self.owner}: core is given and end_inner_diameter is 0, expected a bore for the core")
 
     @property
-    def shape_columns(self) -> tuple[float, ...]:
-        """Columns of the shape in the core's table of segments: zeros for a circle or ring."""
-        return (0.0,) * SHAPE_COLUMNS
+    def is_circular(self) -> bool:
+        """Whether the section is a circle or a ring."""
+        return self.shape is None
+
+    def shape_columns(self, plane: Plane) -> tuple[float, ...]:
+        """Return the columns of the shape in the core's table of segments: zeros for a circle or ring."""
+        return (0.0,) * len(Factors._fields) if self.shape is None else self.shape.factors(plane, self.shear)
 
     @property
     def is_conical(self) -> bool:
@@ -230,7 +257,8 @@ class Segment(_CircularSection, _Length):
         outer, inner = zip(*self.ends, strict=True)
         bore = _mean_square(inner)
         core = self.core.density * bore if self.core else 0.0
-        ring = self.material.density * (_mean_square(outer) - bore)
+        area = 1.0 if self.shape is None else self.shape.area
+        ring = self.material.density * (area * _mean_square(outer) - bore)
         return float(self.length * np.pi / 4.0 * (ring + core))
 
 

@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 from receptance import _checks, _core
 from receptance.errors import GrossSlipError, SingularInterfaceError
 from receptance.model.addresses import Attachment, ChainElement, place_on, points_of
-from receptance.model.beams import SHAPE_COLUMNS, Part, Segment, SpreadJoint
+from receptance.model.beams import Part, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
+from receptance.model.sections import Factors, Plane
 from receptance.model.terminals import ENTRIES, RESIDUALS, MeasuredPart, ModalPart, Mode
 from receptance.units import LOSS_FACTOR
 
@@ -56,7 +57,7 @@ _END_OF = {"outer_diameter": "end_outer_diameter", "inner_diameter": "end_inner_
 _PLACES = {column.address: 2 + index for index, column in enumerate(Segment.layout) if column.address}
 """Columns of a segment's row by address."""
 _COLUMNS = {
-    "segments": 2 + len(Segment.layout) + SHAPE_COLUMNS,
+    "segments": 2 + len(Segment.layout) + len(Factors._fields),
     "joints": 2 + len(PointJoint.layout),
     "masses": 1 + len(PointMass.layout),
     "grounds": 1 + len(GroundSpring.layout),
@@ -106,8 +107,15 @@ class Flat:
     @cached_property
     def tables(self) -> Tables:
         """Tables of the core, read only because all calls share them."""
-        arrays = {name: np.array(self.rows[name], dtype=np.float64) for name in _COLUMNS}
-        return Tables(**{name: constant(array.reshape(-1, _COLUMNS[name])) for name, array in arrays.items()})
+        columns = dict(_COLUMNS)
+        segments = self.rows["segments"]
+        if len(set(map(len, segments))) < 2:
+            # All are circular cylinders, or none is.
+            columns["segments"] = len(segments[0]) if segments else columns["segments"]
+        else:
+            segments = [row + [0.0] * (columns["segments"] - len(row)) for row in segments]
+        arrays = {name: np.array(rows, dtype=np.float64) for name, rows in {**self.rows, "segments": segments}.items()}
+        return Tables(**{name: constant(array.reshape(-1, columns[name])) for name, array in arrays.items()})
 
     def add(
         self,
@@ -281,6 +289,8 @@ def _add_spring(flat: Flat, name: str, joint: PointJoint | MicroslipJoint, node:
 
 def _add_part(flat: Flat, name: str, part: Part, node: int) -> int:
     """Add the rows of the segments; a segment is split at the positions inside it."""
+    # In torsion the rotary inertia is half the polar one: the mean of both planes.
+    plane: Plane = "mean" if flat.motion == MOTIONS["torsion"] else "y"
     start = 0.0
     flat.nodes[name, start] = node
     pieces: list[_Pieces] = []
@@ -293,7 +303,7 @@ def _add_part(flat: Flat, name: str, part: Part, node: int) -> int:
             far = flat.new_node()
             # The length of a segment that is not split is not rounded.
             length = right - left if inside else segment.length
-            pieces[-1].rows.append(flat.add("segments", (node, far), pieces[-1].columns(number, length)))
+            pieces[-1].rows.append(flat.add("segments", (node, far), pieces[-1].columns(number, length, plane)))
             flat.nodes[name, right] = node = far
         start = end
     for i, segment in enumerate(part.segments):
@@ -318,11 +328,14 @@ class _Pieces(NamedTuple):
     rows: list[int]
     """Row of each piece in the table of segments."""
 
-    def columns(self, number: int, length: float) -> list[float]:
+    def columns(self, number: int, length: float, plane: Plane) -> list[float]:
         """Return the columns of a piece without nodes."""
         segment = self.segment
-        columns = [*segment.columns, *segment.shape_columns]
+        columns = list(segment.columns)
         columns[0] = length
+        if segment.is_circular and not segment.is_conical:
+            return columns[: _PLACES["end_outer_diameter"] - 2]
+        columns += segment.shape_columns(plane)
         if segment.is_conical:
             for shift, share in enumerate(self.shares[number : number + 2]):
                 diameters = segment.at(share)
@@ -331,7 +344,7 @@ class _Pieces(NamedTuple):
         return columns
 
     def entries(self, address: str) -> list[Entry]:
-        """Return the entries of the table that a parameter of the segment changes, the places of the cuts being fixed."""
+        """Return the entries of the table that a parameter of the segment changes, the cuts staying in place."""
         column = _PLACES[address]
         if address == "length":
             # A cut lies at a smaller share of a longer segment.

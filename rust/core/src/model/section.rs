@@ -37,6 +37,8 @@ pub mod column {
     pub const CORE_MATERIAL: usize = 9;
     /// Shear coefficient: 0 Cowper, 1 Hutchinson.
     pub const SHEAR_MODEL: usize = 13;
+    /// Number of columns where all segments are circular cylinders: the next ones are zero then.
+    pub const UNIFORM: usize = 14;
     /// Outer diameter in m at the end of larger x; 0 for a cylinder, whose next column is not read.
     pub const END_OUTER_DIAMETER: usize = 14;
     /// Bore in m at that end.
