@@ -93,7 +93,7 @@ def test_moves_are_those_of_parts_drawn_with_another_value(case: int) -> None:
         # A bore in the shank is no dimension of the holder.
         if address.startswith("joint") or (address.startswith("tool") and "inner" in field):
             continue
-        step = 1e-7 * max(before.get(address), 1e-3)
+        step = 1e-6 * max(before.get(address), 1e-3)
         again, _ = with_insertion(before.replace({address: before.get(address) + step}), length)
         if again.parameters != made.parameters:  # the shank ended between two segments, and now ends in one
             longer = (again.parts["tool"].length - made.parts["tool"].length) / step

@@ -352,7 +352,7 @@ def _check_shank(tool: Part, name: str, length: float) -> None:
         if behind is not None and abs(near - behind.outer_diameter) > 1e-6 * near:
             problem = f"in front of it is a step from {_mm(near)} to {_mm(behind.outer_diameter)}"
             break
-        if getattr(segment, "shape", None) is not None:
+        if segment.shape is not None:
             problem = f"in front of it {name}.segment[{number}] is not round"
             break
         if segment.core is not None:
