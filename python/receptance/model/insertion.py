@@ -16,6 +16,8 @@ from receptance.model.beams import Material, Part, Segment
 
 FIT = 0.01
 """Largest difference of the diameters of shank and bore, relative to that of the shank."""
+_STEP = 1e-3
+"""Largest relative difference of diameters in one place that is no step."""
 _SHORTEST = 1e-9
 """Length in m below which there is no piece."""
 _ADDRESS = re.compile(r"segment\[(\d+)\]\.(.+)")
@@ -349,7 +351,7 @@ def _check_shank(tool: Part, name: str, length: float) -> None:
     for number in reversed(range(len(tool.segments))):
         segment = tool.segments[number]
         near = segment.ends[1][0]
-        if behind is not None and abs(near - behind.outer_diameter) > 1e-6 * near:
+        if behind is not None and abs(near - behind.outer_diameter) > _STEP * near:
             problem = f"in front of it is a step from {_mm(near)} to {_mm(behind.outer_diameter)}"
             break
         if segment.shape is not None:
