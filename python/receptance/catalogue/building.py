@@ -9,7 +9,8 @@ from typing import Any
 
 from receptance._text import instead_of
 from receptance.campaign import Campaign, CampaignError, Deviation, Issue
-from receptance.campaign.listed_materials import listed_deviations, listed_materials
+from receptance.campaign.listed_materials import listed_deviations, listed_materials, note_on_listed
+from receptance.campaign.problems import path_text
 from receptance.campaign.tolerances import inherited_tolerances
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
 from receptance.fit.parameters import Site
@@ -84,13 +85,20 @@ class Catalogue:
             raise CampaignError.about(campaign.file, text)
         self.spindle = named.part if spindle is None and named is not None else spindle
         self.errors = tuple(errors)
+        self.notes: list[str] = []
+        """What a user should know of the files: units, columns that are not needed, and listed materials."""
         self.file = _source(tools, table.tools, campaign, "tools")
-        rows = tools if isinstance(tools, Sequence) and not isinstance(tools, str) else read_tools(self.file)
+        rows = (
+            tools
+            if isinstance(tools, Sequence) and not isinstance(tools, str)
+            else read_tools(self.file, notes=self.notes)
+        )
         self.tools: tuple[ToolRow, ...] = tuple(rows)
         self._listed = listed_materials((row.material for row in self.tools), campaign.built.materials)
         self._holders: dict[str, Part] = {}
         self._read_holders(holders)
         self._check_tools()
+        self.notes += [f"{path_text(('materials', name))}: {note_on_listed(name)}" for name in self._listed]
 
     def __len__(self) -> int:
         return len(self.tools)
@@ -129,11 +137,12 @@ class Catalogue:
         return ToolAssembly(row, Site(assembly, row.name, "", row.conditions), tuple(by_name.values()))
 
     def _segments(self, row: ToolRow) -> tuple[list[Segment], dict[str, Deviation]]:
-        """Return the fluted part and the shank of a tool, and the standard deviations of their dimensions."""
+        """Return the fluted part, the neck and the shank of a tool, and the standard deviations of their dimensions."""
         tolerance = self.table.tolerance
         pieces = [
             (row.flute_length, row.effective_diameter, "effective diameter", tolerance.effective_diameter),
-            (row.overhang - row.flute_length, row.diameter, "diameter", tolerance.diameter),
+            (max(row.neck_end - row.flute_length, 0.0), row.neck_diameter, "neck diameter", tolerance.diameter),
+            (row.overhang - max(row.flute_length, row.neck_end), row.diameter, "diameter", tolerance.diameter),
         ]
         pieces = [piece for piece in pieces if piece[0] > _SHORTEST]
         segments: list[Segment] = []
@@ -167,7 +176,7 @@ class Catalogue:
         if holders is None and self.table.holders is None:
             return
         file = _source(holders, self.table.holders, self.campaign, "holders")
-        rows = holders if isinstance(holders, Mapping) else read_holders(file)
+        rows = holders if isinstance(holders, Mapping) else read_holders(file, notes=self.notes)
         built = self.campaign.built
         of_holders = (name for holder in rows.values() for row in holder for name in (row.material, row.core))
         self._listed |= listed_materials(of_holders, built.materials)
