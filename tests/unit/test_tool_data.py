@@ -94,7 +94,7 @@ def test_a_neck_is_a_segment(tmp_path: Path) -> None:
         (",30,80,4", ",30,,4", 'line 2, "effective diameter": is empty, but the tool has flutes'),
         ("DC,DCONMS", "DCON,DCONMS", 'column "DCONMS" is also column "DCON"'),
         ("DC,DCONMS", "DCONMS,DCONMS", 'column "DCONMS" occurs twice'),
-        ("DC,DCONMS", "DC [kg],DCONMS", 'column "DC [kg]" in "kg", a mass, expected a length'),
+        ("DC,DCONMS", "DC [kg],DCONMS", 'column "DC [kg]" is in "kg", a mass, expected a length'),
         ("OAL,LSC", "OAL,LS", 'there is no column "overhang"'),
     ],
 )
@@ -148,7 +148,7 @@ def test_a_row_names_a_listed_material(tmp_path: Path) -> None:
     assert errors["materials.carbide-9co.density"].keys() == {"tool.segment[0].density", "tool.segment[1].density"}
     assert "materials.carbide-9co.density" not in by_name(second.tolerances)
     assert any(note.startswith("materials.carbide-9co: from the list of materials") for note in machine.notes)
-    with pytest.raises(CampaignError, match='which is not known, expected one of .* did you mean "carbide"'):
+    with pytest.raises(CampaignError, match='"carbid", which is not known, expected one of'):
         Catalogue(load(tmp_path, tools=TOOLS.replace("T1,er32,carbide", "T1,er32,carbid")))
 
 

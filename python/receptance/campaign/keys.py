@@ -562,7 +562,7 @@ def element_keys(
 def _key(of: Field[Any]) -> Field[Any]:
     """Return the declaration of the key of a field that refers to other tables."""
     if isinstance(of, Member) and of.kind is Material:
-        return name_in(f"name of the {of.doc}: of this file, or of the list of materials", "materials")
+        return name_in(f"name, in this file or in the list of materials, of the {of.doc}", "materials")
     if isinstance(of, Member):
         return element_keys(of.kind, of.doc, title=f"{of.kind.__name__}MemberTable")
     if isinstance(of, AttachedTo):
