@@ -23,7 +23,13 @@ MATERIALS = {material.name: replace(material, loss_factor=0.001) for material in
 """Materials by name, with a small loss factor."""
 MATERIAL_NUMBERS = {key: field.quantity for key, field in Material.declared.items() if isinstance(field, Number)}
 """Quantities of a material."""
-SIZES = {"length": units.LENGTH, "outer_diameter": units.LENGTH, "inner_diameter": units.LENGTH_OR_ZERO}
+SIZES = {
+    "length": units.LENGTH,
+    "outer_diameter": units.LENGTH,
+    "inner_diameter": units.LENGTH_OR_ZERO,
+    "end_outer_diameter": units.LENGTH,
+    "end_inner_diameter": units.LENGTH_OR_ZERO,
+}
 _PIECE = re.compile(r"(?:(?P<length>[^x×*]+?)\s*[x×*]\s*)?(?P<outer>[^/x×*]+?)\s*(?:/\s*(?P<inner>[^/x×*]+?)\s*)?")
 _NUMBER = re.compile(units.NUMBER)
 _COMMA = re.compile(r"\d,\d")
