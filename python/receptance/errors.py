@@ -39,6 +39,7 @@ EXTRAS = {
     "sampling": ("emcee",),
     "dask": ("distributed",),
     "sections": ("sectionproperties", "shapely"),
+    "drawing": ("ezdxf",),
 }
 """Modules of each extra of the package, as in `pip install 'receptance[sweep]'`."""
 

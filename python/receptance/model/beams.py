@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 
 from receptance import _checks, units
 from receptance.errors import warn_user
+from receptance.model.contour import TOLERANCE, Contour, Points
 from receptance.model.fields import Choice, Count, Element, Field, Member, Name, Number
+from receptance.model.sections import Factors, Plane, SectionShape
 
 _SOFTEST = 1e5
 """Young's modulus in Pa below which a wrong unit is suspected."""
@@ -135,7 +137,7 @@ class Section(_CircularSection):
 
 @dataclass(frozen=True, kw_only=True)
 class Segment(_CircularSection, _Length):
-    """A uniform circular Timoshenko beam: solid, hollow, or hollow and filled.
+    """A Timoshenko beam: a cylinder or a cone, solid, hollow, or hollow and filled; or one with a shape of its own.
 
     Parameters
     ----------
@@ -146,20 +148,130 @@ class Segment(_CircularSection, _Length):
     ValueError, TypeError
         A value out of its bounds; the message names it.
 
+    Notes
+    -----
+    Between the ends of a cone the diameters are linear in x, and the beam in each place has the section there; see
+    "Conical segments" in the theory.
+
     Examples
     --------
     >>> from receptance import STEEL, Segment
     >>> tube = Segment(length=0.1, outer_diameter=0.05, inner_diameter=0.02, material=STEEL)
     >>> round(tube.mass, 3)
     1.295
+    >>> cone = Segment(length=0.06, outer_diameter=0.03, end_outer_diameter=0.06, material=STEEL)
+    >>> round(cone.mass, 3)
+    0.777
+
+    A strip that deflects about its flat side:
+
+    >>> from receptance import SectionShape
+    >>> shape = SectionShape.rectangle(width=0.05, height=0.002)
+    >>> strip = Segment(length=0.3, outer_diameter=shape.diameter, shape=shape, material=STEEL)
+    >>> round(strip.mass, 4)
+    0.2355
     """
+
+    end_outer_diameter: Annotated[
+        float | None, Number(units.LENGTH, "outer diameter at the end of larger x; by default that of the other end")
+    ] = None
+    end_inner_diameter: Annotated[
+        float | None, Number(units.LENGTH_OR_ZERO, "bore at the end of larger x; by default that of the other end")
+    ] = None
+    shape: Annotated[
+        SectionShape | None,
+        Field(
+            "shape of the section, scaled so that its reference circle has the outer diameter; a bending motion is in "
+            "its plane y; by default a circle or ring"
+        ),
+    ] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.shape is not None:
+            if not isinstance(self.shape, SectionShape):
+                raise TypeError(f"{self.owner}: shape is {self.shape!r}, expected a SectionShape or None")
+            if self.inner_diameter or self.end_inner_diameter or self.core is not None:
+                raise ValueError(
+                    f"{self.owner}: a shape is given beside a bore or a core, expected the holes in the shape, as in "
+                    "SectionShape.polygon(points, holes=...)"
+                )
+            self.shape.factors("y", self.shear)
+        outer, inner = self.ends[1]
+        if inner >= outer:
+            raise ValueError(
+                f"{self.owner}: the bore at the far end is {inner:g} m (end_inner_diameter), expected less than the "
+                f"outer diameter {outer:g} m there (end_outer_diameter)"
+            )
+        if self.core is not None and inner == 0.0:
+            raise ValueError(f"{self.owner}: core is given and end_inner_diameter is 0, expected a bore for the core")
+
+    @property
+    def is_circular(self) -> bool:
+        """Whether the section is a circle or a ring."""
+        return self.shape is None
+
+    def shape_columns(self, plane: Plane) -> tuple[float, ...]:
+        """Return the columns of the shape in the core's table of segments: zeros for a circle or ring."""
+        return (0.0,) * len(Factors._fields) if self.shape is None else self.shape.factors(plane, self.shear)
+
+    @property
+    def is_conical(self) -> bool:
+        """Whether a diameter at the far end is stated."""
+        return self.end_outer_diameter is not None or self.end_inner_diameter is not None
+
+    @property
+    def ends(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Outer and inner diameter in m at the end of smaller and at that of larger x."""
+        outer, inner = self.end_outer_diameter, self.end_inner_diameter
+        end = (self.outer_diameter if outer is None else outer, self.inner_diameter if inner is None else inner)
+        return (self.outer_diameter, self.inner_diameter), end
+
+    def at(self, share: float) -> tuple[float, float]:
+        """Return outer and inner diameter in m at a share of the length, 0 at the end of smaller x."""
+        near, far = self.ends
+        outer, inner = ((1.0 - share) * start + share * end for start, end in zip(near, far, strict=True))
+        return outer, inner
+
+    def between(self, start: float, end: float) -> Segment:
+        """Return the piece between two shares of the length, 0 being the end of smaller x.
+
+        Examples
+        --------
+        >>> from receptance import STEEL, Segment
+        >>> cone = Segment(length=0.06, outer_diameter=0.03, end_outer_diameter=0.06, material=STEEL)
+        >>> nose = cone.between(0.0, 0.5)
+        >>> f"{nose.length:g} m, {nose.outer_diameter:g} to {nose.end_outer_diameter:g} m"
+        '0.03 m, 0.03 to 0.045 m'
+        """
+        (outer, inner), (end_outer, end_inner) = self.at(start), self.at(end)
+        changes: dict[str, float | None] = {"length": (end - start) * self.length}
+        if self.is_conical:
+            changes.update(outer_diameter=outer, inner_diameter=inner)
+            changes["end_outer_diameter"] = None if self.end_outer_diameter is None else end_outer
+            changes["end_inner_diameter"] = None if self.end_inner_diameter is None else end_inner
+        return replace(self, **changes)  # type: ignore[arg-type]
 
     @property
     def mass(self) -> float:
         """Mass in kg."""
-        ring = (self.outer_diameter - self.inner_diameter) * (self.outer_diameter + self.inner_diameter)
-        core = self.core.density * self.inner_diameter**2 if self.core else 0.0
-        return float(self.length * np.pi / 4.0 * (self.material.density * ring + core))
+        outer, inner = zip(*self.ends, strict=True)
+        bore = _mean_square(inner)
+        core = self.core.density * bore if self.core else 0.0
+        area = 1.0 if self.shape is None else self.shape.area
+        ring = self.material.density * (area * _mean_square(outer) - bore)
+        return float(self.length * np.pi / 4.0 * (ring + core))
+
+
+def _mean_square(diameters: tuple[float, float]) -> float:
+    """Return the mean of the square of a linear diameter."""
+    near, far = diameters
+    return (near * near + near * far + far * far) / 3.0
+
+
+def _end(near: float, far: float) -> float | None:
+    """Return the diameter at the far end of a piece; None if it is that of the near end."""
+    return None if far == near else far
 
 
 @dataclass(frozen=True)
@@ -190,6 +302,65 @@ class Part:
         owner = f"Part {name!r}" if name else "Part"
         segments = _checks.items(f"{owner}: segments", segments, Segment)
         _checks.set_fields(self, {"segments": segments, "name": name})
+
+    @classmethod
+    def from_contour(
+        cls,
+        outer: Contour | Points,
+        bores: Iterable[Points] = (),
+        *,
+        material: Material,
+        name: str = "",
+        radii: bool = False,
+        tolerance: float = TOLERANCE,
+    ) -> Part:
+        """Return the part of a contour: cylinders and cones, divided where the profile or a bore changes.
+
+        Parameters
+        ----------
+        outer : Contour or sequence of points
+            A contour, or its outer profile: points (x, diameter) in m, see `receptance.model.contour.Contour`.
+        bores : sequence of sequences of points, optional
+            The profiles of the bores, if `outer` is not a contour.
+        material : Material
+            Material of all segments.
+        name : str, optional
+            First word of the addresses of its parameters.
+        radii : bool, optional
+            Whether the points are (x, radius).
+        tolerance : float, optional
+            Largest distance in m between an arc and the cones that replace it.
+
+        Raises
+        ------
+        ValueError, TypeError
+            As of `Contour`; the message names the place.
+
+        Examples
+        --------
+        >>> from receptance import STEEL, Part
+        >>> nose = Part.from_contour(
+        ...     [(0.0, 0.02), (0.05, 0.03)], bores=[[(0.0, 0.01), (0.04, 0.01)]], material=STEEL
+        ... )
+        >>> [f"{1e3 * segment.length:g} mm" for segment in nose.segments]
+        ['40 mm', '10 mm']
+        """
+        owner = f"Part {name!r}" if name else "Part"
+        contour = outer
+        if not isinstance(contour, Contour):
+            contour = Contour(contour, bores, radii=radii, tolerance=tolerance, owner=owner)
+        segments = (
+            Segment(
+                length=piece.length,
+                outer_diameter=piece.outer_diameter,
+                inner_diameter=piece.inner_diameter,
+                end_outer_diameter=_end(piece.outer_diameter, piece.end_outer_diameter),
+                end_inner_diameter=_end(piece.inner_diameter, piece.end_inner_diameter),
+                material=material,
+            )
+            for piece in contour.pieces
+        )
+        return cls(segments, name=name)
 
     @property
     def length(self) -> float:

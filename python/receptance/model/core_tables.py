@@ -20,6 +20,7 @@ from receptance.model.addresses import Attachment, ChainElement, place_on, point
 from receptance.model.beams import Part, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
+from receptance.model.sections import Factors, Plane
 from receptance.model.terminals import ENTRIES, RESIDUALS, MeasuredPart, ModalPart, Mode
 from receptance.units import LOSS_FACTOR
 
@@ -51,8 +52,12 @@ class Tables(NamedTuple):
 
 
 _SEGMENTS = Tables._fields.index("segments")
+_END_OF = {"outer_diameter": "end_outer_diameter", "inner_diameter": "end_inner_diameter"}
+"""The diameters at the far end of a cone, by those at its near end."""
+_PLACES = {column.address: 2 + index for index, column in enumerate(Segment.layout) if column.address}
+"""Columns of a segment's row by address."""
 _COLUMNS = {
-    "segments": 2 + len(Segment.layout),
+    "segments": 2 + len(Segment.layout) + len(Factors._fields),
     "joints": 2 + len(PointJoint.layout),
     "masses": 1 + len(PointMass.layout),
     "grounds": 1 + len(GroundSpring.layout),
@@ -102,8 +107,15 @@ class Flat:
     @cached_property
     def tables(self) -> Tables:
         """Tables of the core, read only because all calls share them."""
-        arrays = {name: np.array(self.rows[name], dtype=np.float64) for name in _COLUMNS}
-        return Tables(**{name: constant(array.reshape(-1, _COLUMNS[name])) for name, array in arrays.items()})
+        columns = dict(_COLUMNS)
+        segments = self.rows["segments"]
+        if len(set(map(len, segments))) < 2:
+            # All are circular cylinders, or none is.
+            columns["segments"] = len(segments[0]) if segments else columns["segments"]
+        else:
+            segments = [row + [0.0] * (columns["segments"] - len(row)) for row in segments]
+        arrays = {name: np.array(rows, dtype=np.float64) for name, rows in {**self.rows, "segments": segments}.items()}
+        return Tables(**{name: constant(array.reshape(-1, columns[name])) for name, array in arrays.items()})
 
     def add(
         self,
@@ -277,34 +289,102 @@ def _add_spring(flat: Flat, name: str, joint: PointJoint | MicroslipJoint, node:
 
 def _add_part(flat: Flat, name: str, part: Part, node: int) -> int:
     """Add the rows of the segments; a segment is split at the positions inside it."""
+    # In torsion the rotary inertia is half the polar one: the mean of both planes.
+    plane: Plane = "mean" if flat.motion == MOTIONS["torsion"] else "y"
     start = 0.0
     flat.nodes[name, start] = node
-    pieces: list[list[int]] = []
+    pieces: list[_Pieces] = []
     for segment in part.segments:
         end = start + segment.length
         inside = [x for x in flat.positions.get(name, ()) if start < x < end]
-        columns = list(segment.columns)
-        pieces.append([])
-        for left, right in pairwise([start, *inside, end]):
+        cuts = [start, *inside, end]
+        pieces.append(_Pieces(segment, [(x - start) / segment.length for x in cuts[:-1]] + [1.0], []))
+        for number, (left, right) in enumerate(pairwise(cuts)):
             far = flat.new_node()
             # The length of a segment that is not split is not rounded.
-            columns[0] = right - left if inside else segment.length
-            pieces[-1].append(flat.add("segments", (node, far), columns))
+            length = right - left if inside else segment.length
+            pieces[-1].rows.append(flat.add("segments", (node, far), pieces[-1].columns(number, length, plane)))
             flat.nodes[name, right] = node = far
         start = end
     for i, segment in enumerate(part.segments):
         for address, column in segment.places.items():
-            entries = [(_SEGMENTS, row, 2 + column, 1.0) for row in pieces[i]]
+            entries = pieces[i].entries(address)
             if address == "length":
                 # Positions are measured from the start of the part, so the cuts do not move: the last piece of this
                 # segment grows, and in each later segment the first piece shrinks and the last one grows.
-                entries = entries[-1:]
                 for later in pieces[i + 1 :]:
-                    if len(later) > 1:
-                        entries += [(_SEGMENTS, later[0], 2 + column, -1.0), (_SEGMENTS, later[-1], 2 + column, 1.0)]
+                    entries += later.entries_of_start()
             parameter = f"{name}.segment[{i}].{address}"
             flat.entries[parameter], flat.values[parameter] = entries, segment.columns[column]
     return node
+
+
+class _Pieces(NamedTuple):
+    """The rows of a segment that is split at some places."""
+
+    segment: Segment
+    shares: list[float]
+    """Ends of the pieces as shares of the length, from 0 to 1."""
+    rows: list[int]
+    """Row of each piece in the table of segments."""
+
+    def columns(self, number: int, length: float, plane: Plane) -> list[float]:
+        """Return the columns of a piece without nodes."""
+        segment = self.segment
+        columns = list(segment.columns)
+        columns[0] = length
+        if segment.is_circular and not segment.is_conical:
+            return columns[: _PLACES["end_outer_diameter"] - 2]
+        columns += segment.shape_columns(plane)
+        if segment.is_conical:
+            for shift, share in enumerate(self.shares[number : number + 2]):
+                diameters = segment.at(share)
+                for (near, far), diameter in zip(_END_OF.items(), diameters, strict=True):
+                    columns[_PLACES[(near, far)[shift]] - 2] = diameter
+        return columns
+
+    def entries(self, address: str) -> list[Entry]:
+        """Return the entries of the table that a parameter of the segment changes, the cuts staying in place."""
+        column = _PLACES[address]
+        if address == "length":
+            # A cut lies at a smaller share of a longer segment.
+            moved = self._moved([-share / self.segment.length for share in self.shares[:-1]] + [0.0])
+            return [(_SEGMENTS, self.rows[-1], column, 1.0), *moved]
+        if not self.segment.is_conical or address not in (*_END_OF, *_END_OF.values()):
+            return [(_SEGMENTS, row, column, 1.0) for row in self.rows]
+        near = address if address in _END_OF else next(key for key, end in _END_OF.items() if end == address)
+        # The diameter at each cut is (1 - share) that of the near end + share that of the far end; where no diameter is
+        # stated for the far end, both are one parameter.
+        uniform = getattr(self.segment, _END_OF[near]) is None
+        weights = [1.0 if uniform else 1.0 - share if address == near else share for share in self.shares]
+        return self._at_cuts(near, weights)
+
+    def entries_of_start(self) -> list[Entry]:
+        """Return the entries that a shift of the start of the segment changes, the places of the cuts being fixed."""
+        if len(self.rows) == 1:
+            return []
+        column = _PLACES["length"]
+        inner = [-1.0 / self.segment.length] * (len(self.shares) - 2)
+        first, last = (_SEGMENTS, self.rows[0], column, -1.0), (_SEGMENTS, self.rows[-1], column, 1.0)
+        return [first, last, *self._moved([0.0, *inner, 0.0])]
+
+    def _moved(self, rates: Sequence[float]) -> list[Entry]:
+        """Return the entries of the diameters at cuts whose shares change at some rates."""
+        if not self.segment.is_conical:
+            return []
+        entries = []
+        for near, start, end in zip(_END_OF, *self.segment.ends, strict=True):
+            entries += self._at_cuts(near, [rate * (end - start) for rate in rates])
+        return entries
+
+    def _at_cuts(self, near: str, weights: Sequence[float]) -> list[Entry]:
+        """Return the entries of a diameter at the ends of all pieces, of those weights that are not zero."""
+        entries = []
+        for row, ends in zip(self.rows, pairwise(weights), strict=True):
+            for address, weight in zip((near, _END_OF[near]), ends, strict=True):
+                if weight != 0.0:
+                    entries.append((_SEGMENTS, row, _PLACES[address], weight))
+        return entries
 
 
 def rows_of(elements: Mapping[str, ChainElement], flat: Flat, side: tuple[Coordinate, ...]) -> NDArray[np.float64]:

@@ -343,7 +343,7 @@ class Element:
 
 
 def _is_present(element: Any, path: tuple[str, ...]) -> bool:
-    for name in path[:-1]:
+    for name in path:
         element = getattr(element, name)
         if element is None:
             return False

@@ -39,7 +39,7 @@ pub use line::response::instruction_set;
 pub use model::assembly::{Model, TABLES, Table, Tables};
 pub use model::frequencies::{Frequencies, OwnedFrequencies};
 pub use model::request::{Coordinate, Parameter, Request, Response};
-pub use model::section::Motion;
+pub use model::section::{Motion, column::UNIFORM as UNIFORM_COLUMNS};
 pub use model::spring::{SPRING_COLUMNS, Spring};
 pub use model::terminals::{Mode, TERMINAL_ENTRIES, modal_sum};
 pub use modes::natural::{NaturalFrequencies, natural_frequencies};

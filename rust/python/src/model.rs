@@ -7,12 +7,13 @@ use num_complex::Complex64;
 use numpy::ndarray::{Array1, Array2, Array3, Array4};
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyUntypedArrayMethods,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use receptance_core::{
     Factor, Form, Frequencies, Mode, Motion, OwnedFrequencies, Rate, Request, Sector, Spring, TABLES,
-    TERMINAL_ENTRIES, Table, Tables, Tied,
+    TERMINAL_ENTRIES, Table, Tables, Tied, UNIFORM_COLUMNS,
 };
 
 /// Name of the instruction set that the kernels use on this machine.
@@ -194,7 +195,17 @@ impl Model {
         ];
         for (name, kind, rows) in given {
             if let Some(rows) = rows {
-                tables[kind as usize] = table(name, &rows, kind.columns())?.to_vec();
+                let columns = if kind == Table::Segments && rows.shape()[1] == UNIFORM_COLUMNS {
+                    UNIFORM_COLUMNS
+                } else {
+                    kind.columns()
+                };
+                let mut values = Vec::with_capacity(rows.shape()[0] * kind.columns());
+                for row in table(name, &rows, columns)?.chunks_exact(columns) {
+                    values.extend_from_slice(row);
+                    values.resize(values.len() + kind.columns() - columns, 0.0);
+                }
+                tables[kind as usize] = values;
             }
         }
         Self::of(motion, tables)

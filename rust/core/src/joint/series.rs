@@ -92,7 +92,7 @@ fn serves(model: &Model, segments: &[Segment<2>], plan: &[Step], joint: usize, h
         let plain = match *step {
             Step::Segment { row, .. } => {
                 span += segments[row].span(highest);
-                true
+                !segments[row].conical
             }
             Step::Joint { row, .. } => row == joint || model.joints[row].1.is_plain(),
             Step::Point { node } => model.has_plain_point(node),

@@ -6,6 +6,7 @@ use crate::line::layer::DERIVATIVES;
 use crate::line::overlap::Lanes;
 use crate::line::plane::Plane;
 use crate::model::assembly::{Model, Step};
+use crate::model::cone::Cone;
 use crate::model::overlap::Beside;
 use crate::model::request::ByLine;
 use crate::model::section::Segment;
@@ -21,6 +22,10 @@ use pulp::Simd;
 pub struct Prepared<const D: usize> {
     /// Segments with their coefficients.
     pub segments: Vec<Segment<D>>,
+    /// The series of each segment that is a cone.
+    pub cones: Vec<Option<Cone<D>>>,
+    /// Largest |w| of the lines to come, where it is known: cones have one division for all of them.
+    pub highest: f64,
     /// Springs of the joints.
     pub joints: Vec<Spring>,
     /// Change of the stiffness of each joint by slip at its stated level.
@@ -122,6 +127,8 @@ impl<const D: usize> Prepared<D> {
         }
         Self {
             segments: model.segments.iter().map(|row| Segment::new(row, model.motion)).collect(),
+            cones: model.segments.iter().map(|row| Cone::new(row, model.motion)).collect(),
+            highest: 0.0,
             joints: model.joints.iter().map(|joint| joint.1).collect(),
             added,
             points,
@@ -186,6 +193,11 @@ impl<const D: usize> Prepared<D> {
             if self.active[row] {
                 let square = segment.wave_number_square(into.most);
                 into.weights[row] = segment.weights(square);
+                if let Some(cone) = &self.cones[row] {
+                    let level = cone.level(into.most.sqrt().max(self.highest));
+                    into.kernels[row].evaluate_cone(cone, level, into.w2, into.most, into.real);
+                    continue;
+                }
                 let differentiated = self.differentiated[row];
                 segment.evaluate(w, into.w2, square, pieces_only, differentiated, &mut into.kernels[row]);
             }

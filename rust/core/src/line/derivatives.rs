@@ -8,10 +8,11 @@
 
 use crate::line::block::{Block, Prepared};
 use crate::line::exponential::{self, SumsWithDerivatives};
-use crate::line::kernel::{Kernel, Wave, Way, parity};
+use crate::line::kernel::{Kernel, Wave, Way, parity, polynomial};
 use crate::line::layer::{DERIVATIVES, LAYER, LENGTH, SLOPE};
 use crate::line::sweep::{Field, State};
 use crate::model::assembly::{Model, Table};
+use crate::model::cone::{Blocks, ConeChange, Division, is_conical};
 use crate::model::overlap::{Overlap, column as overlap_column};
 use crate::model::request::Parameter;
 use crate::model::section;
@@ -19,6 +20,7 @@ use crate::model::section::{Motion, Segment};
 use crate::model::spring::{SPRING, Spring, Term};
 use crate::model::terminals::{Mode, TERMINAL_ENTRIES};
 use crate::simd::lane::{C, R};
+use crate::simd::small::Mat;
 use num_complex::Complex64;
 use pulp::Simd;
 
@@ -28,6 +30,8 @@ pub(crate) enum Gradient<const D: usize> {
     Section { row: usize, kinetic: [f64; D], compliance: [Complex64; D] },
     /// The length of a segment.
     Length { row: usize },
+    /// A column of a cone.
+    Cone { row: usize, change: Box<ConeChange<D>> },
     /// A column of a joint's spring, and the share of it that slip removes.
     Joint { row: usize, column: usize, spring: Spring, lost: Complex64 },
     /// A column of a joint's slip, as the change of its stiffness.
@@ -79,6 +83,9 @@ impl<const D: usize> Gradient<D> {
     pub(crate) fn new(model: &Model, parameter: &Parameter) -> Self {
         let Parameter { table, row, column } = *parameter;
         match table {
+            Table::Segments if is_conical(&model.segments[row]) => {
+                Self::Cone { row, change: Box::new(ConeChange::new(column)) }
+            }
             Table::Segments if column == section::column::LENGTH => Self::Length { row },
             Table::Segments => {
                 let (_, change) = section::derivatives::<D>(&model.segments[row], model.motion, Some(column));
@@ -115,7 +122,7 @@ impl<const D: usize> Gradient<D> {
     /// The segment that the parameter belongs to.
     pub(crate) fn segment(&self) -> Option<usize> {
         match self {
-            Self::Section { row, .. } | Self::Length { row } => Some(*row),
+            Self::Section { row, .. } | Self::Length { row } | Self::Cone { row, .. } => Some(*row),
             _ => None,
         }
     }
@@ -150,6 +157,7 @@ impl<const D: usize> Gradient<D> {
     #[inline(always)]
     pub(crate) fn evaluate<S: Simd>(
         &self,
+        prepared: &Prepared<D>,
         block: &Block<S, D>,
         left: &Field<S, D>,
         right: &Field<S, D>,
@@ -161,6 +169,14 @@ impl<const D: usize> Gradient<D> {
                 by_column(&sensitivities.segments[*row], kinetic, compliance)
             }
             Self::Length { row } => sensitivities.segments[*row].length,
+            Self::Cone { row, change } => {
+                let (Some(cone), Way::Slices { level }) = (&prepared.cones[*row], block.kernels[*row].way)
+                else {
+                    return zero;
+                };
+                let (left, right) = (&left.states[*row], &right.states[*row]);
+                cone_change(cone.division(level), change.of(cone, level), block, left, right)
+            }
             Self::Joint { row, column, spring, lost } => {
                 let (left, right) = (&left.joints[*row].gap, &right.joints[*row].gap);
                 let whole = spring_derivative(spring, *column, block.iw, left, right);
@@ -302,7 +318,7 @@ pub fn segment<S: Simd, const D: usize>(
                 bending(segment, l, w2, &kernel.sums, left, right, &mut out);
             }
         }
-        Way::Skipped => {}
+        Way::Slices { .. } | Way::Skipped => return out,
     }
     for i in 0..D {
         out.kinetic[i] = out.kinetic[i] * w2;
@@ -314,6 +330,63 @@ pub fn segment<S: Simd, const D: usize>(
         out.length = C::select(near.1.greater(far.1), far.0, near.0);
     }
     out
+}
+
+/// -r^T J dT s, summed over the slices of a cone with the changes of their matrices as power series.
+#[inline(always)]
+fn cone_change<S: Simd, const D: usize>(
+    division: &Division<D>,
+    changes: &[Vec<Blocks<D>>],
+    block: &Block<S, D>,
+    left: &[State<S, D>],
+    right: &[State<S, D>],
+) -> C<S> {
+    let (terms, z) = (division.terms(block.most), block.w2.scale(1.0 / division.square));
+    let mut sum = C::zero(z.simd);
+    for (slice, change) in changes.iter().enumerate() {
+        let (Some(r), Some(s)) = (left.get(slice + 1), right.get(slice)) else { continue };
+        let change = polynomial(&change[..terms], z, block.real);
+        sum = sum - worked(&change, r, s);
+    }
+    sum
+}
+
+/// Minus the work of a change of w^2 in a cone, times w^2: that of its inertia.
+#[inline(always)]
+pub fn cone_inertia<S: Simd, const D: usize>(
+    division: &Division<D>,
+    block: &Block<S, D>,
+    left: &[State<S, D>],
+    right: &[State<S, D>],
+) -> C<S> {
+    let mut by_square: Vec<Vec<Blocks<D>>> = division.slices.clone();
+    for slice in &mut by_square {
+        for (n, term) in slice.iter_mut().enumerate() {
+            for entry in term.iter_mut().flatten().flatten() {
+                *entry *= n as f64;
+            }
+        }
+    }
+    cone_change(division, &by_square, block, left, right)
+}
+
+/// r^T J dT s.
+#[inline(always)]
+fn worked<S: Simd, const D: usize>(
+    [uu, un, nu, nn]: &[Mat<S, D>; 4],
+    r: &State<S, D>,
+    s: &State<S, D>,
+) -> C<S> {
+    let mut sum = C::zero(r.u[0].simd);
+    for i in 0..D {
+        let (mut du, mut dn) = (C::zero(sum.simd), C::zero(sum.simd));
+        for j in 0..D {
+            du = un[i][j].mul_add(s.n[j], uu[i][j].mul_add(s.u[j], du));
+            dn = nn[i][j].mul_add(s.n[j], nu[i][j].mul_add(s.u[j], dn));
+        }
+        sum = r.n[i].neg_mul_add(du, r.u[i].mul_add(dn, sum));
+    }
+    sum
 }
 
 /// -r^T J A s, the derivative by the length, and the square of its largest term.

@@ -1,12 +1,14 @@
-//! One uniform segment over a block of frequency lines.
+//! One segment over a block of frequency lines.
 //!
 //! The state is (u, f): displacements and the load that holds them, seen from the near end with the rest of
 //! the structure behind the far end. Short segments are taken by their transfer matrix from a power series,
 //! in a few equal pieces where they are longer than the series reaches; long ones by their waves
 //! e^{-lambda x} and e^{-lambda (L - x)} with Re(lambda) >= 0, which neither overflow nor cancel. Close to the
-//! cut-off one pair of waves degenerates; there the pieces serve, however many they are.
+//! cut-off one pair of waves degenerates; there the pieces serve, however many they are. A cone is passed in slices, whose
+//! transfer matrices are polynomials in w^2.
 
 use crate::line::exponential::{self, SumsWithDerivatives};
+use crate::model::cone::{Blocks, Cone};
 use crate::model::section::Segment;
 use crate::simd::lane::{C, MAX_LANES};
 use crate::simd::small::{self, Mat};
@@ -60,6 +62,11 @@ pub enum Way {
     },
     /// One step by waves.
     Waves,
+    /// The slices of a cone, each by its own transfer matrix.
+    Slices {
+        /// Level of the division.
+        level: usize,
+    },
     /// Not computed: the segment lies in a branch that is taken as a whole.
     Skipped,
 }
@@ -76,6 +83,8 @@ pub struct Kernel<S: Simd, const D: usize> {
     pub sums: SumsWithDerivatives<S>,
     /// Its waves, if it is passed by waves.
     pub wave: Wave<S, D>,
+    /// The matrices of the state over each slice of a cone, in the direction of x.
+    pub slices: Vec<[Mat<S, D>; 4]>,
 }
 
 impl<S: Simd, const D: usize> Kernel<S, D> {
@@ -88,8 +97,50 @@ impl<S: Simd, const D: usize> Kernel<S, D> {
             transfer: Transfer { uu: matrix, uf: matrix, fu: matrix, ff: matrix },
             sums: ([C::zero(simd); 4], [C::zero(simd); 6]),
             wave: Wave { lambda: vector, u: matrix, f: matrix, decay: vector },
+            slices: Vec::new(),
         }
     }
+
+    /// Evaluates the slices of a cone in a division of some level at the lines `w2`, of which the largest is `most`.
+    #[inline(always)]
+    pub fn evaluate_cone(&mut self, cone: &Cone<D>, level: usize, w2: C<S>, most: f64, real: bool) {
+        let division = cone.division(level);
+        self.way = Way::Slices { level };
+        self.slices.clear();
+        let (terms, z) = (division.terms(most), w2.scale(1.0 / division.square));
+        for slice in &division.slices {
+            self.slices.push(polynomial(&slice[..terms], z, real));
+        }
+    }
+
+    /// Number of steps in which the segment is passed.
+    #[inline(always)]
+    pub fn steps(&self) -> usize {
+        match self.way {
+            Way::Pieces { count, .. } => count,
+            Way::Slices { .. } => self.slices.len(),
+            Way::Waves | Way::Skipped => 1,
+        }
+    }
+}
+
+/// sum_n terms[n] z^n; the z of `real` lines are real.
+#[inline(always)]
+pub fn polynomial<S: Simd, const D: usize>(terms: &[Blocks<D>], z: C<S>, real: bool) -> [Mat<S, D>; 4] {
+    let mut out = [small::zeros(z.simd); 4];
+    for term in terms.iter().rev() {
+        for block in 0..4 {
+            for i in 0..D {
+                for j in 0..D {
+                    let coefficient = C::splat(z.simd, term[block][i][j]);
+                    let sum = out[block][i][j];
+                    out[block][i][j] =
+                        if real { sum.mul_add_real(z.re, coefficient) } else { sum.mul_add(z, coefficient) };
+                }
+            }
+        }
+    }
+    out
 }
 
 impl<const D: usize> Segment<D> {
@@ -174,7 +225,7 @@ impl<const D: usize> Segment<D> {
                 };
             }
             Way::Waves => into.wave = self.waves(w2.simd, w, w2),
-            Way::Skipped => {}
+            Way::Slices { .. } | Way::Skipped => {}
         }
     }
 

@@ -98,6 +98,7 @@ impl<'a, const D: usize> Job<'a, D> {
             only_root: false,
             tip: None,
         };
+        job.prepared.highest = whole.map_or(0.0, |(highest, _)| highest);
         for gradient in &job.gradients {
             if let Some(row) = gradient.segment().filter(|row| !job.differentiated.contains(row)) {
                 job.differentiated.push(row);
@@ -368,7 +369,7 @@ impl<const D: usize> Job<'_, D> {
                         block.overlaps[row].derivatives(block.w2, overlap, left, right);
                 }
                 for (k, gradient) in self.gradients.iter().enumerate() {
-                    gradient.evaluate(block, left, right, sensitivities).store(&mut lanes);
+                    gradient.evaluate(&self.prepared, block, left, right, sensitivities).store(&mut lanes);
                     for lane in 0..lines {
                         let line = (start + lane) * rows * columns + pair;
                         dh[line * parameters + k] = lanes[lane];

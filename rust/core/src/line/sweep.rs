@@ -236,12 +236,10 @@ impl<S: Simd, const D: usize> Block<S, D> {
         observer: &mut impl Observer<S, D>,
     ) {
         let weights = &self.weights[row];
-        let Kernel { way, transfer, wave, .. } = &self.kernels[row];
+        let Kernel { way, transfer, wave, slices, .. } = &self.kernels[row];
         match way {
             Way::Skipped => {}
-            Way::Pieces { count, .. } => {
-                let (uu, uf) = (oriented(&transfer.uu, forward), oriented(&transfer.uf, forward));
-                let (fu, ff) = (oriented(&transfer.fu, forward), oriented(&transfer.ff, forward));
+            Way::Pieces { .. } | Way::Slices { .. } => {
                 // As for the waves below: elements behind a far lighter segment are in a chart of their own scale.
                 let before = records.last().map(|record| record.weights).unwrap_or(*weights);
                 let (far, first) = (far_apart(&before, weights), records.len());
@@ -249,14 +247,18 @@ impl<S: Simd, const D: usize> Block<S, D> {
                 if far {
                     (plane, rechart) = plane.weighted(weights);
                 }
-                for _ in 0..*count {
-                    let (u, f) = plane.basis();
-                    let near_u = small::mul_add(&uf, &f, &small::mul(&uu, &u));
-                    let near_f = small::mul_add(&ff, &f, &small::mul(&fu, &u));
-                    observer.passed([&u, &f], &near_u, [&uu, &uf]);
-                    let (next, back) = Plane::pivot(&near_u, &near_f, weights);
-                    records.push(Record { plane: next, back, weights: *weights });
-                    plane = next;
+                if let Way::Pieces { count, .. } = way {
+                    let (uu, uf) = (oriented(&transfer.uu, forward), oriented(&transfer.uf, forward));
+                    let (fu, ff) = (oriented(&transfer.fu, forward), oriented(&transfer.ff, forward));
+                    for _ in 0..*count {
+                        plane = through_piece(&plane, [&uu, &uf, &fu, &ff], weights, records, observer);
+                    }
+                } else {
+                    for index in 0..slices.len() {
+                        let slice = &slices[if forward { slices.len() - 1 - index } else { index }];
+                        let [uu, uf, fu, ff] = along_slice(slice, forward);
+                        plane = through_piece(&plane, [&uu, &uf, &fu, &ff], weights, records, observer);
+                    }
                 }
                 if far {
                     records[first].back = small::mul(&rechart, &records[first].back);
@@ -318,10 +320,7 @@ impl<S: Simd, const D: usize> Block<S, D> {
                     }
                 }
                 Step::Segment { row, forward, far } => {
-                    let pieces = match self.kernels[row].way {
-                        Way::Pieces { count, .. } => count,
-                        Way::Waves | Way::Skipped => 1,
-                    };
+                    let pieces = self.kernels[row].steps();
                     if within.segments {
                         field.states[row].clear();
                         field.states[row].push(cut(&records[at].plane, &independent, forward));
@@ -384,6 +383,44 @@ impl<S: Simd, const D: usize> Block<S, D> {
             }
         }
     }
+}
+
+/// The plane before a piece becomes the one after it.
+#[inline(always)]
+fn through_piece<S: Simd, const D: usize>(
+    plane: &Plane<S, D>,
+    [uu, uf, fu, ff]: [&Mat<S, D>; 4],
+    weights: &[f64; D],
+    records: &mut Vec<Record<S, D>>,
+    observer: &mut impl Observer<S, D>,
+) -> Plane<S, D> {
+    let (u, f) = plane.basis();
+    let near_u = small::mul_add(uf, &f, &small::mul(uu, &u));
+    let near_f = small::mul_add(ff, &f, &small::mul(fu, &u));
+    observer.passed([&u, &f], &near_u, [uu, uf]);
+    let (next, back) = Plane::pivot(&near_u, &near_f, weights);
+    records.push(Record { plane: next, back, weights: *weights });
+    next
+}
+
+/// (u, f) at the near end of a slice from that at its far end, out of the matrices T of its state along x.
+///
+/// Against x they are T, the load on what is behind the cut being the internal force. Along x it is minus the internal
+/// force, and T is inverted as a symplectic matrix: the blocks are transposed.
+#[inline(always)]
+fn along_slice<S: Simd, const D: usize>(slice: &[Mat<S, D>; 4], forward: bool) -> [Mat<S, D>; 4] {
+    if !forward {
+        return *slice;
+    }
+    let mut out = *slice;
+    for (block, from) in [3, 1, 2, 0].into_iter().enumerate() {
+        for i in 0..D {
+            for j in 0..D {
+                out[block][i][j] = slice[from][j][i];
+            }
+        }
+    }
+    out
 }
 
 /// Whether charts that suit the one weights may cost digits under the others.

@@ -64,8 +64,10 @@ impl Overlap {
         for (beam, (start, element)) in beams.iter_mut().zip(starts) {
             (beam[0], beam[1]) = (nodes[0] as f64, nodes[1] as f64);
             beam[section::column::LENGTH] = values[column::LENGTH];
-            let width = section::column::COUNT - section::column::OUTER_DIAMETER;
-            beam[section::column::OUTER_DIAMETER..].copy_from_slice(&values[start..start + width]);
+            // Both beams are uniform and circular.
+            let columns = section::column::OUTER_DIAMETER..=section::column::SHEAR_MODEL;
+            let width = columns.clone().count();
+            beam[columns].copy_from_slice(&values[start..start + width]);
             section::check(beam, row, element)?;
         }
         let fail = |quantity, value, expected| {

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::model::assembly::{Model, Table};
+use crate::model::cone::is_conical;
 use crate::model::frequencies::Frequencies;
 use crate::model::overlap::{self, Beside, Overlap};
 use crate::model::section::{Segment, column};
@@ -178,13 +179,20 @@ fn check_request(model: &Model, request: &Request) -> Result<()> {
     check_parameters(model, &request.parameters)
 }
 
+/// The columns of a segment that can be differentiated: all before the choice of the shear coefficient, and of a cone the
+/// diameters at its far end.
+fn section_columns(model: &Model, row: usize) -> Range<usize> {
+    let conical = model.segments.get(row).is_some_and(|row| is_conical(row));
+    2..if conical { column::END_INNER_DIAMETER + 1 } else { column::SHEAR_MODEL }
+}
+
 /// Checks that the model has the parameters.
 pub(crate) fn check_parameters(model: &Model, parameters: &[Parameter]) -> Result<()> {
     for (index, parameter) in parameters.iter().enumerate() {
         let count = parameter.table.columns();
         // Nodes and rows of other tables come first; the last column of beams is a choice.
         let (rows, columns) = match parameter.table {
-            Table::Segments => (model.segments.len(), 2..count - 1),
+            Table::Segments => (model.segments.len(), section_columns(model, parameter.row)),
             Table::Joints => (model.joints.len(), 2..count),
             Table::Masses => (model.masses.len(), 1..count),
             Table::Grounds => (model.grounds.len(), 1..count),

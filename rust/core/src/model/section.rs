@@ -1,6 +1,7 @@
-//! Uniform segments: from dimensions and materials of a circular section to the coefficients of the beam equations.
+//! Sections of segments: from dimensions, shape and materials to the coefficients of the beam equations.
 
 use crate::error::{Error, Result};
+use crate::model::cone::{is_conical, section_at};
 use core::f64::consts::PI;
 use num_complex::Complex64;
 
@@ -36,8 +37,24 @@ pub mod column {
     pub const CORE_MATERIAL: usize = 9;
     /// Shear coefficient: 0 Cowper, 1 Hutchinson.
     pub const SHEAR_MODEL: usize = 13;
+    /// Number of columns where all segments are circular cylinders: the next ones are zero then.
+    pub const UNIFORM: usize = 14;
+    /// Outer diameter in m at the end of larger x; 0 for a cylinder, whose next column is not read.
+    pub const END_OUTER_DIAMETER: usize = 14;
+    /// Bore in m at that end.
+    pub const END_INNER_DIAMETER: usize = 15;
+    /// Area over that of the circle of the outer diameter; 0 for a circle or ring, whose next columns are not read.
+    pub const AREA: usize = 16;
+    /// Second moment of area of the bending stiffness over that of the circle.
+    pub const MOMENT: usize = 17;
+    /// Second moment of area of the rotary inertia (in torsion half the polar one) over that of the circle.
+    pub const INERTIA: usize = 18;
+    /// Torsion constant over that of the circle.
+    pub const TORSION: usize = 19;
+    /// 1 / kappa = a + b s + c s^2 with s = nu / (1 + nu): a, b, c.
+    pub const SHEAR_FLEXIBILITY: usize = 20;
     /// Number of columns.
-    pub const COUNT: usize = 14;
+    pub const COUNT: usize = 23;
 }
 
 /// Coefficients of a uniform segment per length: u' and f' of the element equations.
@@ -59,6 +76,36 @@ struct Layer {
     inner: f64,
     material: [f64; 4],
     hutchinson: bool,
+    shape: Shape,
+}
+
+/// Ratios of a section's properties to those of the circle of its outer diameter.
+#[derive(Copy, Clone)]
+struct Shape {
+    area: f64,
+    moment: f64,
+    inertia: f64,
+    torsion: f64,
+    /// Coefficients of 1 / kappa; nothing for a circle or ring.
+    flexibility: Option<[f64; 3]>,
+}
+
+impl Shape {
+    const CIRCLE: Self = Self { area: 1.0, moment: 1.0, inertia: 1.0, torsion: 1.0, flexibility: None };
+
+    fn of(row: &[f64]) -> Self {
+        if row[column::AREA] == 0.0 {
+            return Self::CIRCLE;
+        }
+        let first = column::SHEAR_FLEXIBILITY;
+        Self {
+            area: row[column::AREA],
+            moment: row[column::MOMENT],
+            inertia: row[column::INERTIA],
+            torsion: row[column::TORSION],
+            flexibility: Some([row[first], row[first + 1], row[first + 2]]),
+        }
+    }
 }
 
 /// Contribution of a layer and its derivatives by (outer, inner, E, rho, nu, eta).
@@ -113,7 +160,14 @@ impl Layer {
         let loss = Complex64::new(1.0, eta);
         let shear = e / (2.0 * (1.0 + nu));
         let q = (self.inner / self.outer).powi(2);
-        let (kappa, kappa_nu, kappa_q) = shear_coefficient(self.hutchinson, nu, q);
+        let (kappa, kappa_nu, kappa_q) = match self.shape.flexibility {
+            None => shear_coefficient(self.hutchinson, nu, q),
+            Some([a, b, c]) => {
+                let s = nu / (1.0 + nu);
+                let kappa = 1.0 / (a + s * (b + s * c));
+                (kappa, -kappa * kappa * (b + 2.0 * c * s) / (1.0 + nu).powi(2), 0.0)
+            }
+        };
         let q_by = [-2.0 * q / self.outer, 2.0 * self.inner / self.outer.powi(2)];
         let mut out = Contribution {
             kinetic: [0.0; D],
@@ -124,13 +178,20 @@ impl Layer {
         // Each direction: geometry g with derivatives, modulus, its derivative by nu, and the shear
         // coefficient where it enters.
         for i in 0..D {
+            let shape = &self.shape;
+            let times = |values: [f64; 3], factor: f64| values.map(|value| factor * value);
             let (inertia, stiff, modulus, modulus_nu, coefficient) = match (motion, i) {
-                (Motion::Bending, 0) => (area, area, shear, -shear / (1.0 + nu), true),
-                (Motion::Bending, _) => (moment, moment, e, 0.0, false),
-                (Motion::Axial, _) => (area, area, e, 0.0, false),
+                (Motion::Bending, 0) => {
+                    let area = times(area, shape.area);
+                    (area, area, shear, -shear / (1.0 + nu), true)
+                }
+                (Motion::Bending, _) => {
+                    (times(moment, shape.inertia), times(moment, shape.moment), e, 0.0, false)
+                }
+                (Motion::Axial, _) => (times(area, shape.area), times(area, shape.area), e, 0.0, false),
                 (Motion::Torsion, _) => {
-                    let polar = moment.map(|value| 2.0 * value);
-                    (polar, polar, shear, -shear / (1.0 + nu), false)
+                    let (inertia, torsion) = (2.0 * shape.inertia, 2.0 * shape.torsion);
+                    (times(moment, inertia), times(moment, torsion), shear, -shear / (1.0 + nu), false)
                 }
             };
             let (k, k_nu, k_q) = if coefficient { (kappa, kappa_nu, kappa_q) } else { (1.0, 0.0, 0.0) };
@@ -155,17 +216,19 @@ fn layers(row: &[f64]) -> (Layer, Option<Layer>) {
     let hutchinson = row[column::SHEAR_MODEL] == 1.0;
     let four = |start: usize| [row[start], row[start + 1], row[start + 2], row[start + 3]];
     let (outer, inner) = (row[column::OUTER_DIAMETER], row[column::INNER_DIAMETER]);
-    let ring = Layer { outer, inner, material: four(column::MATERIAL), hutchinson };
+    let shape = Shape::of(row);
+    let ring = Layer { outer, inner, material: four(column::MATERIAL), hutchinson, shape };
     let core = (row[column::CORE_MATERIAL + 1] != 0.0).then(|| Layer {
         outer: inner,
         inner: 0.0,
         material: four(column::CORE_MATERIAL),
         hutchinson,
+        shape: Shape::CIRCLE,
     });
     (ring, core)
 }
 
-/// Coefficients of a segment.
+/// Coefficients of the section of a row.
 pub fn coefficients<const D: usize>(row: &[f64], motion: Motion) -> Coefficients<D> {
     derivatives(row, motion, None).0
 }
@@ -181,8 +244,9 @@ pub fn derivatives<const D: usize>(
     let core = core.map(|layer| layer.contribution::<D>(motion));
     let mut value = Coefficients { kinetic: ring.kinetic, compliance: ring.stiffness };
     let mut change = Coefficients { kinetic: [0.0; D], compliance: [Complex64::ZERO; D] };
-    let ring_index =
-        by.and_then(|by| (column::OUTER_DIAMETER..column::CORE_MATERIAL).contains(&by).then(|| by - 3));
+    let ring_index = by.and_then(|by| {
+        (column::OUTER_DIAMETER..column::CORE_MATERIAL).contains(&by).then(|| by - column::OUTER_DIAMETER)
+    });
     // The core's outer diameter is the bore; its materials come four columns later.
     let core_index = by.and_then(|by| match by {
         column::INNER_DIAMETER => Some(0),
@@ -209,13 +273,26 @@ pub fn derivatives<const D: usize>(
     (value, change)
 }
 
-/// A uniform segment: coefficients and length.
+/// Moduli of the products of coefficients in the bound of the wave number.
+fn bound_of<const D: usize>(per_length: &Coefficients<D>) -> [f64; 3] {
+    let size = per_length.compliance.map(|compliance| compliance.norm());
+    let a = size[0] * per_length.kinetic[0];
+    if D == 1 {
+        return [a, 0.0, 0.0];
+    }
+    let b = size[D - 1] * per_length.kinetic[D - 1];
+    [a + b, a * b, size[D - 1] * per_length.kinetic[0]]
+}
+
+/// A segment: coefficients and length.
 #[derive(Copy, Clone, Debug)]
 pub struct Segment<const D: usize> {
-    /// Coefficients per length.
+    /// Coefficients per length; of a cone those in its middle.
     pub per_length: Coefficients<D>,
     /// Length in m.
     pub length: f64,
+    /// Whether it ends in another section than it begins.
+    pub conical: bool,
     /// Moduli of the products of coefficients in the bound of the wave number: its sum, its product and
     /// the bending term.
     bound: [f64; 3],
@@ -225,18 +302,20 @@ pub struct Segment<const D: usize> {
 
 impl<const D: usize> Segment<D> {
     /// The segment of a row of the segment table.
-    pub fn new(row: &[f64], motion: Motion) -> Self {
-        let per_length = coefficients::<D>(row, motion);
-        let size = per_length.compliance.map(|compliance| compliance.norm());
-        let a = size[0] * per_length.kinetic[0];
-        let bound = if D == 1 {
-            [a, 0.0, 0.0]
-        } else {
-            let b = size[D - 1] * per_length.kinetic[D - 1];
-            [a + b, a * b, size[D - 1] * per_length.kinetic[0]]
-        };
-        let length = row[column::LENGTH];
-        Self { per_length, length, bound, stiffness: 1.0 / size[D - 1] }
+    pub fn new(row: &[f64; column::COUNT], motion: Motion) -> Self {
+        let conical = is_conical(row);
+        let middle = coefficients::<D>(&section_at(row, 0.5), motion);
+        let mut bound = bound_of(&middle);
+        if conical {
+            for end in [0.0, 1.0] {
+                let at_end = bound_of(&coefficients::<D>(&section_at(row, end), motion));
+                for (most, value) in bound.iter_mut().zip(at_end) {
+                    *most = most.max(value);
+                }
+            }
+        }
+        let stiffness = 1.0 / middle.compliance[D - 1].norm();
+        Self { per_length: middle, length: row[column::LENGTH], conical, bound, stiffness }
     }
 
     /// An upper bound of |lambda|^2 at |w|^2 = `w2`, close to it away from the cut-off.
@@ -278,6 +357,9 @@ pub fn check(row: &[f64], index: usize, element: &'static str) -> Result<()> {
     if !(inner.is_finite() && inner >= 0.0 && inner < outer) {
         return fail("inner_diameter", inner, "zero or more, and less than the outer diameter");
     }
+    if let Err((quantity, value, expected)) = check_end(row) {
+        return fail(quantity, value, expected);
+    }
     let core_density = row[column::CORE_MATERIAL + 1];
     if core_density != 0.0 && inner == 0.0 {
         return fail("inner_diameter", inner, "a bore that the core can fill");
@@ -289,6 +371,46 @@ pub fn check(row: &[f64], index: usize, element: &'static str) -> Result<()> {
     }
     if row[column::SHEAR_MODEL] != 0.0 && row[column::SHEAR_MODEL] != 1.0 {
         return fail("shear_model", row[column::SHEAR_MODEL], "0 (Cowper) or 1 (Hutchinson)");
+    }
+    Ok(())
+}
+
+/// Checks the far end and the shape of a row: the quantity that is wrong, its value and what was expected.
+fn check_end(row: &[f64]) -> core::result::Result<(), (&'static str, f64, &'static str)> {
+    let (outer, inner) = (row[column::END_OUTER_DIAMETER], row[column::END_INNER_DIAMETER]);
+    if !(outer.is_finite() && outer >= 0.0) {
+        return Err(("end_outer_diameter", outer, "a positive finite number of metres, or 0 for a cylinder"));
+    }
+    if outer > 0.0 && !(inner.is_finite() && inner >= 0.0 && inner < outer) {
+        return Err(("end_inner_diameter", inner, "zero or more, and less than the outer diameter there"));
+    }
+    let area = row[column::AREA];
+    if area == 0.0 {
+        return Ok(());
+    }
+    let ratios = [
+        ("area", column::AREA),
+        ("moment", column::MOMENT),
+        ("inertia", column::INERTIA),
+        ("torsion", column::TORSION),
+    ];
+    for (quantity, column) in ratios {
+        if !(row[column].is_finite() && row[column] > 0.0) {
+            return Err((quantity, row[column], "a positive finite ratio to that of the circle"));
+        }
+    }
+    let nu = row[column::MATERIAL + 2];
+    let (first, s) = (column::SHEAR_FLEXIBILITY, nu / (1.0 + nu));
+    let flexibility = row[first] + s * (row[first + 1] + s * row[first + 2]);
+    if !(flexibility.is_finite() && flexibility > 0.0) {
+        return Err(("shear flexibility", flexibility, "a positive finite number at Poisson's ratio"));
+    }
+    if row[column::INNER_DIAMETER] != 0.0 || inner != 0.0 {
+        return Err((
+            "inner_diameter",
+            row[column::INNER_DIAMETER],
+            "0 for a section with a shape of its own",
+        ));
     }
     Ok(())
 }
@@ -328,7 +450,10 @@ mod tests {
 
     #[test]
     fn derivatives_of_the_coefficients_agree_with_differences() {
-        let row = [0.0, 1.0, 0.1, 0.03, 0.012, 2.1e11, 7850.0, 0.3, 0.01, 5.8e11, 14500.0, 0.22, 0.002, 0.0];
+        let mut row = [0.0; column::COUNT];
+        row[..column::SHEAR_MODEL].copy_from_slice(&[
+            0.0, 1.0, 0.1, 0.03, 0.012, 2.1e11, 7850.0, 0.3, 0.01, 5.8e11, 14500.0, 0.22, 0.002,
+        ]);
         for shear in [0.0, 1.0] {
             for by in column::OUTER_DIAMETER..column::SHEAR_MODEL {
                 let mut row = row;

@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::line::block::{Block, Prepared};
 use crate::line::derivatives::{Gradient, Sensitivities};
+use crate::line::kernel::Way;
 use crate::line::layer::DERIVATIVES;
 use crate::line::sweep::{Blind, Field, Observer, Within};
 use crate::line::{derivatives, exponential, overlap};
@@ -83,7 +84,7 @@ pub fn natural_frequencies(
 /// A frequency below which a chain of beams has about so many modes: where its length is as many half waves.
 fn first_limit(model: &Model, count: usize) -> f64 {
     let half_waves = |w: f64| -> f64 {
-        let square = |row: &[f64]| match model.motion.degrees() {
+        let square = |row: &[f64; column::COUNT]| match model.motion.degrees() {
             1 => Segment::<1>::new(row, model.motion).wave_number_square(w * w),
             _ => Segment::<2>::new(row, model.motion).wave_number_square(w * w),
         };
@@ -301,6 +302,11 @@ impl<const D: usize> WithSimd for Slopes<'_, D> {
             let mut by_square = C::zero(simd);
             for (row, segment) in prepared.segments.iter().enumerate() {
                 let states = &field.states[row];
+                if let (Some(cone), Way::Slices { level }) = (&prepared.cones[row], block.kernels[row].way) {
+                    let division = cone.division(level);
+                    by_square = by_square + derivatives::cone_inertia(division, &block, states, states);
+                    continue;
+                }
                 let found = derivatives::segment(segment, &block.kernels[row], block.w2, states, states);
                 for i in 0..D {
                     by_square = by_square + found.kinetic[i].scale(segment.per_length.kinetic[i]);
@@ -325,7 +331,7 @@ impl<const D: usize> WithSimd for Slopes<'_, D> {
             by_square.store(&mut lanes);
             let factors = lanes.map(|work| -0.5 / work.re);
             for (k, gradient) in self.gradients.iter().enumerate() {
-                gradient.evaluate(&block, &field, &field, &sensitivities).store(&mut lanes);
+                gradient.evaluate(prepared, &block, &field, &field, &sensitivities).store(&mut lanes);
                 for (lane, w) in lines.iter().enumerate() {
                     out[lane * count + k] = w * factors[lane] * lanes[lane].re;
                 }

@@ -87,7 +87,7 @@ fn reach<const D: usize>(
         let serves = match *step {
             Step::Segment { row, .. } => {
                 span += segments[row].span(highest);
-                span <= MOST_SPAN
+                span <= MOST_SPAN && !segments[row].conical
             }
             Step::Joint { row, .. } => model.joints[row].1.is_plain() && model.slip_of(row).is_none(),
             Step::Point { node } => model.has_plain_point(node) && !model.has_terminal(node),
