@@ -5,8 +5,8 @@ Along a beam of varying section
     y' = theta + V / S,   theta' = M / B,   V' = -m w^2 y,   M' = -V - r w^2 theta
 
 with S, B, m and r those of the section in each place. The diameters are linear in x, so that S, B, m and r are rational
-functions; their Taylor series about the start of a step, and from them those of the state, follow term by term. A step is
-a fixed share of the distance to the nearest place at which a section or a wall vanishes, which bounds the radius of
+functions; their Taylor series about the start of a step, and from them those of the state, follow term by term. A step
+is a fixed share of the distance to the nearest place at which a section or a wall vanishes, which bounds the radius of
 convergence, and at most a share of the shortest wave.
 """
 
@@ -54,7 +54,8 @@ class Cone:
             return replace(self, length=value)
         values = list(getattr(self, field))
         values[place] = value
-        return replace(self, **{field: tuple(values)})
+        changes: dict[str, Any] = {field: tuple(values)}
+        return replace(self, **changes)
 
     def value(self, name: str) -> Any:
         """Return the value of a parameter."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -113,7 +114,7 @@ def test_cylinders_with_extrapolation_converge_to_it(name: str) -> None:
     table = [divided(count) for count in counts]
     crude = np.abs(table[0] / _whole(cone)[low] - 1.0).max()
     for order in (1, 2, 3):
-        table = [(4**order * fine - coarse) / (4**order - 1) for coarse, fine in zip(table, table[1:], strict=False)]
+        table = [(4**order * fine - coarse) / (4**order - 1) for coarse, fine in pairwise(table)]
     error = np.abs(table[0] / _whole(cone)[low] - 1.0).max()
     print(f"{name}: {counts[0]} cylinders {crude:.1e}, extrapolated {error:.1e}")
     assert error < 1e-8 < crude
@@ -140,7 +141,8 @@ def _ritz(segment: Segment, degree: int = 36) -> NDArray[np.float64]:
     kinetic = np.zeros((2 * n, 2 * n))
     kinetic[:n, :n] = half * (values.T * mass) @ values
     kinetic[n:, n:] = half * (values.T * inertia) @ values
-    return np.sqrt(np.abs(eigh(stiffness, kinetic, eigvals_only=True))) / (2.0 * np.pi)
+    squares: NDArray[np.float64] = eigh(stiffness, kinetic, eigvals_only=True)
+    return np.sqrt(np.abs(squares)) / (2.0 * np.pi)
 
 
 @pytest.mark.parametrize("name", CONES)
@@ -232,7 +234,10 @@ def test_an_unknown_end_is_identified(start: float) -> None:
         ({"end_outer_diameter": 0.0}, "end_outer_diameter is 0, expected more than zero m"),
         ({"end_outer_diameter": float("nan")}, "end_outer_diameter is nan, expected a finite number of m"),
         ({"end_inner_diameter": -0.001}, "end_inner_diameter is -0.001, expected zero or more m"),
-        ({"end_outer_diameter": 0.015}, r"bore at the far end is 0.02 m \(end_inner_diameter\), expected less than the"),
+        (
+            {"end_outer_diameter": 0.015},
+            r"bore at the far end is 0.02 m \(end_inner_diameter\), expected less than the",
+        ),
         ({"end_inner_diameter": 0.05}, "bore at the far end is 0.05 m .* outer diameter 0.05 m there"),
         ({"core": CARBIDE, "end_inner_diameter": 0.0}, "core is given and end_inner_diameter is 0, expected a bore"),
     ],
