@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NoReturn, TypeVar
 
-from receptance import coupling
+from receptance import coupling, drawing
 from receptance._text import did_you_mean, instead_of, one_of
 from receptance.campaign.keys import ElementTable
 from receptance.campaign.problems import CampaignError, KeyPath, Problems, path_text
@@ -37,6 +37,7 @@ from receptance.model.assembly import Assembly
 from receptance.model.beams import STEEL, Material, Part, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate
 from receptance.model.fields import Member, Number
+from receptance.model.insertion import Insertion, with_insertion
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
 from receptance.model.terminals import RESIDUALS, MeasuredPart, ModalPart, Mode
 
@@ -45,6 +46,7 @@ _KINDS = (
     *(kind.__name__ for kind in (Material, Part, Segment, ModalPart, Mode, Assembly, Unknown)),
     *(keys.element.__name__ for keys in (*JOINTS.choices, *ATTACHMENTS.choices) if keys.element is not None),
     "Section",
+    "insert",
     "Candidate",
     "Observation",
     "Milling",
@@ -62,6 +64,8 @@ _NEEDED = {
     "follows": ("power_of", "individual"),
 }
 """Keys of an unknown that depend on another one."""
+_OF_CONTOUR = frozenset({"material", "layer", "bore_layer", "unit", "axis", "tip", "within", "tolerance"})
+"""Keys of a part that are only for a contour."""
 _PROVISIONAL_HZ = 1000.0
 """Natural frequency of a mode before its start value is estimated from the measured FRFs."""
 _NOT_A_BLANK = 'is "{}", a blank from which a spindle is identified; expected an assembly that is predicted'
@@ -74,6 +78,14 @@ class KnownSpindle:
 
     part: MeasuredPart | ModalPart
     tolerances: tuple[Tolerance, ...]
+
+
+@dataclass(frozen=True)
+class InsertedShank:
+    """An assembly of parts as drawn, with the values that it sets, and what the insertion makes of tool and holder."""
+
+    drawn: Assembly
+    insertion: Insertion
 
 
 @dataclass
@@ -89,6 +101,8 @@ class Built:
     unknowns: dict[str, Unknown] = field(default_factory=dict)
     assemblies: dict[str, Assembly] = field(default_factory=dict)
     """Configurations; a blank of a spindle is the blank alone."""
+    insertions: dict[str, InsertedShank] = field(default_factory=dict)
+    """Assemblies whose tool and holder are those of their drawings, before and after the insertion."""
     spindles: dict[str, KnownSpindle] = field(default_factory=dict)
     unidentified: dict[str, str] = field(default_factory=dict)
     """Spindles that are not identified yet, with what they lack; assemblies that end with one are missing."""
@@ -216,10 +230,46 @@ class Builder:
         return self.make(path, table.element, **values)
 
     def _part(self, name: str, table: PartTable) -> Part:
+        path: KeyPath = ("parts", name)
+        if table.contour is not None:
+            made = self._part_of_contour(name, table, table.contour)
+            return coupling.as_rigid(made) if table.rigid else made
+        for key in sorted(table.written & _OF_CONTOUR):
+            self.fail((*path, key), "is given without `contour`, expected that as well, or none of the two")
+        if not table.segments and not self.problems.at((*path, "contour")):
+            text = "is missing: one or more tables `[[parts.NAME.segments]]`, or the file of a drawing as `contour`"
+            self.fail((*path, "segments"), text)
         rows = enumerate(table.segments)
         segments = self.together(partial(self.element, row, ("parts", name, "segments", i)) for i, row in rows)
         made = Part(segments, name=name)
         return coupling.as_rigid(made) if table.rigid else made
+
+    def _part_of_contour(self, name: str, table: PartTable, file: str) -> Part:
+        """Return the part of a drawing; what the drawing does not state is noted."""
+        path: KeyPath = ("parts", name)
+        self.require(path)
+        if table.segments:
+            self.fail((*path, "segments"), "are given with `contour`, expected one of the two")
+        if table.material is None:
+            self.fail((*path, "material"), "is missing: name of the material of the contour")
+        if self.folder is None:
+            self.fail((*path, "contour"), "is a file, which is not read here, expected segments")
+        options: drawing.DrawingOptions = {"tolerance": table.within}
+        if table.layer is not None:
+            options["layer"] = table.layer
+        if table.bore_layer is not None:
+            options["bore_layer"] = table.bore_layer
+        if table.unit is not None:
+            options["unit"] = table.unit
+        if table.axis is not None:
+            options["axis"] = table.axis
+        if table.tip is not None:
+            options["tip"] = table.tip
+        drawn = self.make((*path, "contour"), drawing.read_contour, self.folder / file, **options)
+        for text in drawn.assumptions:
+            self.note((*path, "contour"), text)
+        material = self.built.materials.get(table.material, STEEL)
+        return self.make((*path, "contour"), Part.from_contour, drawn.contour, material=material, name=name)
 
     def _joint(self, name: str, table: ElementTable) -> AnyJoint:
         wrong = [problem.path[1:2] for problem in self.problems.found if problem.path[:1] == ("unknowns",)]
@@ -415,7 +465,35 @@ class Builder:
             ):
                 self.problems.add(here, "is set here and is among the unknowns, expected one of the two")
         self.require((*path, "set"))
-        return self.make((*path, "set"), assembly.replace, table.set) if table.set else assembly
+        if table.set:
+            assembly = self.make((*path, "set"), assembly.replace, table.set)
+        if table.insertion is None:
+            return assembly
+        made, insertion = self.make((*path, "insertion"), with_insertion, assembly, table.insertion)
+        built.insertions[name] = InsertedShank(assembly, insertion)
+        self._check_moved(path, built.insertions[name], made)
+        return made
+
+    def _check_moved(self, path: KeyPath, shank: InsertedShank, made: Assembly) -> None:
+        """Check that the addresses of unknowns are those of the same dimension in the parts as drawn."""
+        for title, unknown in self.built.unknowns.items():
+            addresses = addresses_of(unknown)
+            moved = {own for address in addresses for own in covered(address, made)}
+            more: dict[str, float] = {}
+            for own in sorted({own for address in addresses for own in covered(address, shank.drawn)}):
+                targets = shank.insertion.moved(own)
+                if own not in targets:
+                    text = (
+                        f"moves {own}, which the insertion of {path_text(path)} makes {one_of(targets)}: it ends in "
+                        f"segment {shank.insertion.divided} of the holder; divide that segment in the file where the "
+                        "shank ends"
+                    )
+                    self.problems.add(("unknowns", title), text if targets else f"moves {own}, which is in the bore")
+                more |= {target: factor for target, factor in targets.items() if target not in moved}
+            if more:
+                also = ", ".join(f'"{target}" = {factor:g}' for target, factor in more.items())
+                text = f"in {path_text(path)} it moves the tool in front of the bore alone, unless it has also = "
+                self.note(("unknowns", title), f"{text}{{ {also} }}")
 
     def place(self, path: KeyPath, table: CoordinateTable, assembly: Assembly) -> Coordinate:
         """Return a coordinate on an assembly."""

@@ -8,6 +8,7 @@ that variable. Tolerances with the same name are one error.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
 
 from receptance.campaign.build import Builder, Built, addresses_of, unknown_address
 from receptance.campaign.keys import ElementTable
@@ -16,8 +17,9 @@ from receptance.campaign.schema import CampaignTable
 from receptance.campaign.values import Deviation
 from receptance.fit.unknowns import Tolerance, covered
 from receptance.model.assembly import Assembly
-from receptance.model.beams import Material, Segment
+from receptance.model.beams import Material, Part, Segment
 from receptance.model.fields import Member
+from receptance.model.insertion import Insertion
 
 Errors = dict[tuple[str, bool], dict[str, float]]
 """Standard deviations while they are collected, by name of the error, by whether they are of the logarithm (else in SI
@@ -26,6 +28,12 @@ _LARGE = 0.2
 """Relative standard deviation above which it is that of the logarithm: the value then keeps its sign."""
 Deviations = dict[str, Deviation]
 """Standard deviations by address."""
+_OF_DRAWING = {
+    "diameter": ("outer_diameter", "end_outer_diameter"),
+    "bore": ("inner_diameter", "end_inner_diameter"),
+    "length": ("length",),
+}
+"""Dimensions of a segment that each tolerance of a contour belongs to."""
 _Inherited = tuple[str, KeyPath, Deviation]
 """Address, place in the file and standard deviation."""
 
@@ -46,9 +54,11 @@ def tolerances_of_assembly(name: str, campaign: CampaignTable, built: Built, bui
     """Return the errors of an assembly of the file.
 
     A tolerance of the assembly itself takes precedence over those of its parts. A value that the assembly sets has an
-    error of its own, with the tolerance of the value it replaces. Identified parameters have no error.
+    error of its own, with the tolerance of the value it replaces. Identified parameters have no error. Where a shank is
+    inserted, the tolerances are those of the parts as drawn.
     """
-    assembly = built.assemblies[name]
+    shank = built.insertions.get(name)
+    assembly = built.assemblies[name] if shank is None else shank.drawn
     table = campaign.assemblies[name]
     here: KeyPath = ("assemblies", name)
     taken = _identified(assembly, built)
@@ -68,7 +78,21 @@ def tolerances_of_assembly(name: str, campaign: CampaignTable, built: Built, bui
     own = {own: (*here, "set", own) for address in table.set for own in covered(address, assembly)}
     inherited = ((a, own.get(a, path), deviation) for a, path, deviation in _inherited(assembly, campaign, {}))
     _add(errors, assembly, inherited, taken)
+    if shank is not None:
+        errors = _moved(errors, shank.insertion)
     return (*_tolerances(errors), *_of_spindle(assembly, built))
+
+
+def _moved(errors: Errors, insertion: Insertion) -> Errors:
+    """Return the errors of parts as drawn as those of the parts with the shank in the bore."""
+    moved: Errors = {}
+    for (name, log), deviations in errors.items():
+        here = moved.setdefault((name, log), {})
+        for address, deviation in deviations.items():
+            for target, factor in insertion.moved(address).items():
+                # A logarithm has the same deviation, whatever the factor between the values.
+                here[target] = here.get(target, 0.0) + deviation * (1.0 if log else factor)
+    return moved
 
 
 def inherited_tolerances(
@@ -128,6 +152,8 @@ def _inherited(assembly: Assembly, campaign: CampaignTable, parts: Mapping[str, 
         elif name in campaign.joints:
             joint = campaign.joints[name]
             yield from _of_element(("joints", name), name, joint, campaign)
+        elif name in campaign.parts and campaign.parts[name].contour is not None:
+            yield from _of_contour(name, assembly.parts[name], campaign)
         elif name in campaign.parts:  # a measured or modal spindle has errors of its own
             for index, table in enumerate(campaign.parts[name].segments):
                 place: KeyPath = ("parts", name, "segments", index)
@@ -137,11 +163,34 @@ def _inherited(assembly: Assembly, campaign: CampaignTable, parts: Mapping[str, 
             yield from _own(("attachments", name), name, campaign.attachments[name].tolerance)
 
 
+def _of_contour(name: str, part: Part, campaign: CampaignTable) -> Iterator[_Inherited]:
+    """Yield the tolerances of a part with a contour: one error of all diameters, of all bores and of the whole length.
+
+    An absolute standard deviation of the length is divided in proportion to the lengths.
+    """
+    table = campaign.parts[name]
+    place: KeyPath = ("parts", name)
+    for index, segment in enumerate(part.segments):
+        first = f"{name}.segment[{index}]"
+        for key, fields in _OF_DRAWING.items():
+            deviation = getattr(table.tolerance, key)
+            if deviation is None:
+                continue
+            if key == "length" and not deviation.relative:
+                deviation = replace(deviation, amount=deviation.amount * segment.length / part.length)
+            for field in fields:
+                # A bore that is not there, or ends in a point, has no tolerance.
+                if getattr(segment, field):
+                    yield f"{first}.{field}", (*place, "tolerance", key), deviation
+        if table.material is not None and table.material in campaign.materials:
+            yield from _own(("materials", table.material), first, campaign.materials[table.material].tolerance)
+
+
 def _of_segment(first: str, segment: Segment, own: Deviations, campaign: CampaignTable) -> Iterator[_Inherited]:
     """Yield the tolerances of a segment that is not in the file, and of its materials."""
-    for address in (f"{first}.{name}" for name in Segment.declared):
-        if address in own:
-            yield address, (address,), own[address]
+    for address, deviation in own.items():
+        if address.startswith(f"{first}."):
+            yield address, (address,), deviation
     for name, member in Segment.declared.items():
         material = getattr(segment, name)
         if isinstance(member, Member) and material is not None and material.name in campaign.materials:
