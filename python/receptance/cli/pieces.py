@@ -169,8 +169,13 @@ def _holders_of_toml(path: Path) -> dict[str, list[HolderRow]]:
     return {
         name: [
             _piece(
-                row.length, row.outer_diameter, row.inner_diameter, row.material, row.core or "",
-                end_outer=row.end_outer_diameter, end_inner=row.end_inner_diameter,
+                row.length,
+                row.outer_diameter,
+                row.inner_diameter,
+                row.material,
+                row.core or "",
+                end_outer=row.end_outer_diameter,
+                end_inner=row.end_inner_diameter,
             )  # fmt: skip
             for row in part.segments
         ]
