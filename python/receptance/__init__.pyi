@@ -41,12 +41,16 @@ from .model.beams import Segment as Segment
 from .model.beams import SpreadJoint as SpreadJoint
 from .model.contour import Contour as Contour
 from .model.coordinates import Coordinate as Coordinate
+from .model.insertion import Insertion as Insertion
+from .model.insertion import insert as insert
 from .model.joints import ColletJoint as ColletJoint
 from .model.joints import GroundSpring as GroundSpring
 from .model.joints import MicroslipJoint as MicroslipJoint
 from .model.joints import PointJoint as PointJoint
 from .model.joints import PointMass as PointMass
 from .model.joints import Resonator as Resonator
+from .model.materials import MATERIALS as MATERIALS
+from .model.materials import material as material
 from .model.modes import DampedModes as DampedModes
 from .model.modes import ModeShapes as ModeShapes
 from .model.modes import damped_modes as damped_modes

@@ -13,7 +13,7 @@ import pytest
 
 import foreign_beam
 from command_line import call
-from receptance import CARBIDE, FRF, campaign, examples
+from receptance import CARBIDE, FRF, MATERIALS, campaign, examples
 from receptance.io import Coherence, TimeSeries, read_frf, write
 
 ANSWERS = {
@@ -198,10 +198,13 @@ def test_an_interruption_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None
         (["made", "tool_60mm.csv", *options(tool_material="wood")], '--tool-material is "wood", expected one of'),
         (["made", "tool_60mm.csv", *options(holder="50 mm")], "--holder is .* has no length"),
         (["made", "tool_60mm.csv", *options(holder="no.csv")], "there is no file no.csv"),
-        (["made", "tool_60mm.csv", *options(holder="48 mm x 20 mm")], "cannot contain the shank of 20 mm"),
+        (
+            ["made", "tool_60mm.csv", *options(holder="48 mm x 20 mm")],
+            "--insertion is 48 mm, but the shank of tool has 20 mm and .* an outer diameter of 20 mm",
+        ),
         (
             ["made", "tool_60mm.csv", *options(insertion="1 m")],
-            "--insertion is 1000 mm, but piece 2 .* a bore of 16 mm",
+            "--insertion is 1000 mm, longer than the bore .* shank of 20 mm, which is 48 mm deep; .* a bore of 16 mm",
         ),
         (["made", "tool_60mm.csv", *options(sensor="2")], '--sensor is "2", without a unit.*, or none'),
         (["made", "tool_60mm.csv", *options(support="wall")], '--support is "wall", expected one of "free", "spindle"'),
@@ -341,6 +344,15 @@ def test_another_material(monkeypatch: pytest.MonkeyPatch) -> None:
     holder = campaign.load("made").assemblies["tool_60mm"]
     assert holder.get("holder.segment[0].youngs_modulus") == 70e9
     assert holder.get("holder.segment[0].density") == pytest.approx(2700.0)
+
+
+def test_listed_material(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The file states values and scatter of the list, so that it is the same when the list changes."""
+    assert call("new", "made", "tool_60mm.csv", *options(tool_material="carbide-10co")) == 0
+    made, listed = campaign.load("made"), MATERIALS["carbide-10co"]
+    assert made.assemblies["tool_60mm"].get("tool.segment[0].density") == pytest.approx(listed.density)
+    (error,) = [one for one in made.tolerances["tool_60mm"] if one.name == "materials.carbide-10co.density"]
+    assert error.moves["tool.segment[0].density"] == pytest.approx(listed.deviations["density"], rel=1e-3)
 
 
 def in_spindle(*places: str) -> list[str]:

@@ -37,6 +37,7 @@ from receptance.model.assembly import Assembly
 from receptance.model.beams import STEEL, Material, Part, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate
 from receptance.model.fields import Member, Number
+from receptance.model.insertion import Insertion, with_insertion
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
 from receptance.model.terminals import RESIDUALS, MeasuredPart, ModalPart, Mode
 
@@ -45,6 +46,7 @@ _KINDS = (
     *(kind.__name__ for kind in (Material, Part, Segment, ModalPart, Mode, Assembly, Unknown)),
     *(keys.element.__name__ for keys in (*JOINTS.choices, *ATTACHMENTS.choices) if keys.element is not None),
     "Section",
+    "insert",
     "Candidate",
     "Observation",
     "Milling",
@@ -78,6 +80,14 @@ class KnownSpindle:
     tolerances: tuple[Tolerance, ...]
 
 
+@dataclass(frozen=True)
+class InsertedShank:
+    """An assembly of parts as drawn, with the values that it sets, and what the insertion makes of tool and holder."""
+
+    drawn: Assembly
+    insertion: Insertion
+
+
 @dataclass
 class Built:
     """The objects of a campaign by name; objects with mistakes are missing."""
@@ -91,6 +101,8 @@ class Built:
     unknowns: dict[str, Unknown] = field(default_factory=dict)
     assemblies: dict[str, Assembly] = field(default_factory=dict)
     """Configurations; a blank of a spindle is the blank alone."""
+    insertions: dict[str, InsertedShank] = field(default_factory=dict)
+    """Assemblies whose tool and holder are those of their drawings, before and after the insertion."""
     spindles: dict[str, KnownSpindle] = field(default_factory=dict)
     unidentified: dict[str, str] = field(default_factory=dict)
     """Spindles that are not identified yet, with what they lack; assemblies that end with one are missing."""
@@ -453,7 +465,35 @@ class Builder:
             ):
                 self.problems.add(here, "is set here and is among the unknowns, expected one of the two")
         self.require((*path, "set"))
-        return self.make((*path, "set"), assembly.replace, table.set) if table.set else assembly
+        if table.set:
+            assembly = self.make((*path, "set"), assembly.replace, table.set)
+        if table.insertion is None:
+            return assembly
+        made, insertion = self.make((*path, "insertion"), with_insertion, assembly, table.insertion)
+        built.insertions[name] = InsertedShank(assembly, insertion)
+        self._check_moved(path, built.insertions[name], made)
+        return made
+
+    def _check_moved(self, path: KeyPath, shank: InsertedShank, made: Assembly) -> None:
+        """Check that the addresses of unknowns are those of the same dimension in the parts as drawn."""
+        for title, unknown in self.built.unknowns.items():
+            addresses = addresses_of(unknown)
+            moved = {own for address in addresses for own in covered(address, made)}
+            more: dict[str, float] = {}
+            for own in sorted({own for address in addresses for own in covered(address, shank.drawn)}):
+                targets = shank.insertion.moved(own)
+                if own not in targets:
+                    text = (
+                        f"moves {own}, which the insertion of {path_text(path)} makes {one_of(targets)}: it ends in "
+                        f"segment {shank.insertion.divided} of the holder; divide that segment in the file where the "
+                        "shank ends"
+                    )
+                    self.problems.add(("unknowns", title), text if targets else f"moves {own}, which is in the bore")
+                more |= {target: factor for target, factor in targets.items() if target not in moved}
+            if more:
+                also = ", ".join(f'"{target}" = {factor:g}' for target, factor in more.items())
+                text = f"in {path_text(path)} it moves the tool in front of the bore alone, unless it has also = "
+                self.note(("unknowns", title), f"{text}{{ {also} }}")
 
     def place(self, path: KeyPath, table: CoordinateTable, assembly: Assembly) -> Coordinate:
         """Return a coordinate on an assembly."""

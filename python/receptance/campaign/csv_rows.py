@@ -2,7 +2,7 @@
 
 A field `overhang: Annotated[float, units.LENGTH]` is the column `overhang [mm]`, in any unit of length; a quantity
 without a unit is in `[%]` or `[1]`. Fields without a default are required. If the class has the field `conditions`, it
-gets all other columns with units.
+gets all other columns with units. Symbols of a standard are other heads of columns, with the unit of the standard.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
@@ -23,16 +23,47 @@ from receptance.units import Quantity, parse, parse_any
 
 _HEADER = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*")
 _MOST_OF_A_COUNT = 1000
+_NO_SYMBOLS: Mapping[str, Symbol] = {}
 _Row = TypeVar("_Row")
 _Cell = tuple[str, str]
 """Text and unit of a cell."""
 
 
+_SYMBOL = re.compile(r"[A-Z][A-Z0-9_]{1,9}")
+"""Heads that may be symbols of a standard."""
+
+
 @dataclass(frozen=True)
 class ShareOf:
-    """Marks a column that may be in % of another column."""
+    """Marks a column that may be in % of another column, or, where a row has none, of a further one."""
 
     column: str
+    instead: str = ""
+
+
+@dataclass(frozen=True)
+class DerivedFrom:
+    """Marks a column that another one can replace, or the difference of two."""
+
+    column: str
+    less: str = ""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return (self.column, self.less) if self.less else (self.column,)
+
+
+@dataclass(frozen=True)
+class Symbol:
+    """A head of a column in a standard."""
+
+    column: str
+    """Name of the column."""
+    unit: str
+    """Unit that the standard defines; empty for a number without a unit."""
+    meaning: str
+    """What it is, for the documentation."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +72,22 @@ class _Column:
 
     is_text: bool
     quantity: Quantity | None
-    of: str
+    of: tuple[str, ...]
     required: bool
+    derived: DerivedFrom | None = None
+
+
+@dataclass(frozen=True)
+class _Head:
+    """The head of a column of a file."""
+
+    name: str
+    """Name of the column."""
+    unit: str
+    called: str
+    """Name in the file, without the unit."""
+    by_standard: bool = False
+    """Whether the unit is that of the standard, because the file states none."""
 
 
 def read_rows(
@@ -51,13 +96,16 @@ def read_rows(
     *,
     check: Callable[[_Row], Iterable[tuple[str, str]]] = lambda row: (),
     number_last: bool = False,
+    symbols: Mapping[str, Symbol] = _NO_SYMBOLS,
+    notes: list[str] | None = None,
 ) -> list[_Row]:
     """Return the rows of a CSV file as objects of a dataclass with the field `line`, the line of the file.
 
     The header may follow comments, lines that begin with #. Cells are separated by commas, or by semicolons; with
     semicolons, decimals have a comma or a point. Empty cells have the default of their field. `check` returns further
     mistakes of a row, column and text. With `number_last` there is a warning if the last line may be truncated, because
-    a truncated number is a number.
+    a truncated number is a number. `symbols` are heads of a standard; what a user should know of them is added to
+    `notes`.
 
     Raises
     ------
@@ -83,21 +131,26 @@ def read_rows(
     problems: list[Issue] = []
     cells_of = _split(csv.reader(io.StringIO(text, newline=""), delimiter=";" if semicolons else ","), problems)
     line, header = next(cells_of, (1, []))
-    names = _header(header, columns, "conditions" in kind.__dataclass_fields__, line, problems)  # type: ignore[attr-defined]
+    heads = [_head(cell, columns, symbols) for cell in header]
+    others = "conditions" in kind.__dataclass_fields__  # type: ignore[attr-defined]
+    problems += _header_problems(heads, header, columns, line, others=others, has_symbols=bool(symbols))
     if problems:
         raise CampaignError(file, problems)
+    if notes is not None and symbols:
+        notes += _notes(file, heads, columns)
+    called = {head.name: head.called for head in heads}
     rows: list[_Row] = []
     for line, cells in cells_of:
-        if len(cells) != len(names):
-            problems.append(Issue((), f"has {len(cells)} cells, expected {len(names)}", line))
+        if len(cells) != len(heads):
+            problems.append(Issue((), f"has {len(cells)} cells, expected {len(heads)}", line))
             continue
         texts = [cell.strip().replace(",", ".") if semicolons else cell.strip() for cell in cells]
-        row = {name: (cell, unit) for (name, unit), cell in zip(names, texts, strict=True) if cell}
+        row = {head.name: (cell, head.unit) for head, cell in zip(heads, texts, strict=True) if cell}
         values, mistakes = _values(row, columns)
         if not mistakes:
             rows.append(kind(**values, line=line))  # type: ignore[call-arg]
             mistakes = dict(check(rows[-1]))
-        problems += [Issue((name,), text, line) for name, text in mistakes.items()]
+        problems += [Issue((called.get(name, name),), text, line) for name, text in mistakes.items()]
     if problems:
         raise CampaignError(file, problems)
     if not rows:
@@ -114,8 +167,11 @@ def _columns_of(kind: type) -> dict[str, _Column]:
         hint = hints[field.name]
         plain, *marks = get_args(hint) if get_origin(hint) is Annotated else (hint,)
         quantity = next((mark for mark in marks if isinstance(mark, Quantity)), None)
-        of = next((mark.column for mark in marks if isinstance(mark, ShareOf)), "")
-        found[field.name.replace("_", " ")] = _Column(plain is str, quantity, of, field.default is MISSING)
+        share = next((mark for mark in marks if isinstance(mark, ShareOf)), None)
+        of = () if share is None else tuple(filter(None, (share.column, share.instead)))
+        derived = next((mark for mark in marks if isinstance(mark, DerivedFrom)), None)
+        required = field.default is MISSING
+        found[field.name.replace("_", " ")] = _Column(plain is str, quantity, of, required, derived)
     return found
 
 
@@ -129,36 +185,73 @@ def _split(reader: Any, problems: list[Issue]) -> Iterator[tuple[int, list[str]]
         problems.append(Issue((), f"cannot be split into cells: {error}", reader.line_num))
 
 
-def _header(
-    header: list[str], known: Mapping[str, _Column], others: bool, line: int, problems: list[Issue]
-) -> list[tuple[str, str]]:
-    """Return names and units of the columns, and add mistakes of the header."""
-    names: list[tuple[str, str]] = []
-    for cell in header:
-        match = _HEADER.fullmatch(cell.strip())
-        name, unit = (match["name"].strip(), (match["unit"] or "").strip()) if match else (cell.strip(), "")
-        if name.endswith("_hz") and not unit:
-            name, unit = name.removesuffix("_hz"), "Hz"
-        names.append((name.replace("_", " ") if name.replace("_", " ") in known else name, unit))
-    missing = [f'"{name}"' for name, one in known.items() if one.required and name not in dict(names)]
-    if not any(name in known or did_you_mean(name, known) for name, _ in names):
+def _head(cell: str, known: Mapping[str, _Column], symbols: Mapping[str, Symbol]) -> _Head:
+    """Return name and unit of a column from its cell in the header."""
+    match = _HEADER.fullmatch(cell.strip())
+    name, unit = (match["name"].strip(), (match["unit"] or "").strip()) if match else (cell.strip(), "")
+    if name.endswith("_hz") and not unit:
+        name, unit = name.removesuffix("_hz"), "Hz"
+    if (symbol := symbols.get(name)) is not None:
+        return _Head(symbol.column, unit or symbol.unit, name, by_standard=not unit and bool(symbol.unit))
+    plain = name.replace("_", " ")
+    return _Head(plain if plain in known else name, unit, plain if plain in known else name)
+
+
+def _header_problems(
+    heads: Sequence[_Head],
+    header: Sequence[str],
+    known: Mapping[str, _Column],
+    line: int,
+    *,
+    others: bool,
+    has_symbols: bool,
+) -> Iterator[Issue]:
+    """Yield the mistakes of the header; `others` are allowed beside the known columns, and so are symbols."""
+    names = [head.name for head in heads]
+    missing = [
+        f'"{name}"'
+        for name, one in known.items()
+        if one.required
+        and name not in names
+        and not (one.derived is not None and set(one.derived.columns) <= set(names))
+    ]
+    if not any(name in known or did_you_mean(name, known) for name in names):
         # The header is not quoted, because the file may be any file, also a confidential one.
         required = [name for name, one in known.items() if one.required]
-        problems.append(Issue((), f"none of the {len(header)} columns is one of these: {one_of(required)}"))
-        return []
-    for index, (name, unit) in enumerate(names):
-        if text := _column_problem(name, unit, known, others, [other for other, _ in names[:index]]):
-            problems.append(Issue((), f"column {shown(header[index].strip())} {text}", line))
+        yield Issue((), f"none of the {len(header)} columns is one of these: {one_of(required)}")
+        return
+    for index, head in enumerate(heads):
+        before = next((other for other in heads[:index] if other.name == head.name), None)
+        if before is not None:
+            text = "occurs twice" if before.called == head.called else f"is also column {shown(before.called)}"
+        elif has_symbols and head.name not in known and _SYMBOL.fullmatch(head.name):
+            text = ""  # a property that is not needed
+        else:
+            text = _column_problem(head.name, head.unit, known, others)
+        if text:
+            yield Issue((), f"column {shown(header[index].strip())} {text}", line)
     if missing:
         text = f"expected a first line such as {_example(known)}, but it is {shown(','.join(header))}"
-        problems.append(Issue((), f"there is no column {', '.join(missing)}, {text}", line))
-    return names
+        yield Issue((), f"there is no column {', '.join(missing)}, {text}", line)
 
 
-def _column_problem(name: str, unit: str, known: Mapping[str, _Column], others: bool, before: list[str]) -> str:
+def _notes(file: Path, heads: Iterable[_Head], known: Mapping[str, _Column]) -> Iterator[str]:
+    """Yield what a user should know of a file: units that the standard defines, and columns that are not needed."""
+    assumed = [head.called for head in heads if head.by_standard]
+    if assumed:
+        yield f"{file.name}: {_listed(assumed)} without a unit in mm, as ISO 13399 defines"
+    others = [head for head in heads if head.name not in known]
+    unused = [head.called for head in others if head.called and (not head.unit or _SYMBOL.fullmatch(head.called))]
+    if unused:
+        yield f"{file.name}: not needed: {_listed(unused)}"
+
+
+def _listed(names: list[str]) -> str:
+    return f"{'columns' if len(names) > 1 else 'column'} {', '.join(map(shown, names))}"
+
+
+def _column_problem(name: str, unit: str, known: Mapping[str, _Column], others: bool) -> str:
     """Return the mistake in the heading of a column, or an empty text."""
-    if name in before:
-        return "occurs twice"
     if name not in known:
         near = did_you_mean(name, known)
         if not others:
@@ -190,7 +283,7 @@ def _values(
     """Return the fields of a row, and its mistakes by column."""
     values: dict[str, Any] = {}
     conditions: dict[str, float] = {}
-    mistakes = {name: "is empty" for name, one in columns.items() if one.required and name not in row}
+    mistakes: dict[str, str] = {}
     for name, (cell, unit) in row.items():
         try:
             if name in columns:
@@ -199,7 +292,23 @@ def _values(
                 conditions[name], _ = parse_any(f"{cell} {unit}")
         except ValueError as error:
             mistakes[name] = str(error)
+    for name, one in columns.items():
+        if name not in row and (one.required or one.derived is not None):
+            _derive(name, one, values, mistakes)
     return {**values, **({"conditions": conditions} if conditions else {})}, mistakes
+
+
+def _derive(name: str, column: _Column, values: dict[str, Any], mistakes: dict[str, str]) -> None:
+    """Add the value of an empty cell from those of other columns, or a mistake."""
+    others = () if column.derived is None else column.derived.columns
+    numbers = [values[other.replace(" ", "_")] for other in others if other.replace(" ", "_") in values]
+    if others and len(numbers) == len(others):
+        number = numbers[0] - sum(numbers[1:])
+        values[name.replace(" ", "_")] = number
+        if number <= 0.0:
+            mistakes[name] = f"is {1e3 * number:g} mm, from {' less '.join(others)}, expected more than zero"
+    elif column.required and not mistakes.keys() & set(others):
+        mistakes[name] = f"is empty, expected it, or {' and '.join(others)}" if others else "is empty"
 
 
 def _value(cell: str, unit: str, column: _Column, row: Mapping[str, _Cell], columns: Mapping[str, _Column]) -> Any:
@@ -219,6 +328,7 @@ def _value(cell: str, unit: str, column: _Column, row: Mapping[str, _Cell], colu
         return parse(number, column.quantity)
     if not 0.0 < number <= 1.0:
         raise ValueError(f"is {shown(cell)}, expected a percentage above 0 and up to 100")
-    whole = columns[column.of].quantity
+    of = next((name for name in column.of if name in row), column.of[-1])
+    whole = columns[of].quantity
     assert whole is not None
-    return number * parse(" ".join(row.get(column.of, ("1", "mm"))), whole)
+    return number * parse(" ".join(row.get(of, ("1", "mm"))), whole)

@@ -20,6 +20,7 @@ from receptance.campaign.values import PLAIN_NUMBER, Deviation, kind_of, parse_d
 from receptance.fit.parameters import FACTORS
 from receptance.model.beams import Material
 from receptance.model.fields import AttachedTo, Element, Field, Key, Member, Number, Numbers, T
+from receptance.model.materials import MATERIALS
 from receptance.units import NUMBER, Quantity, parse
 
 OWNERS = ("parts", "modal_parts", "spindles", "joints", "attachments", "sensors")
@@ -105,7 +106,9 @@ class Place:
             return
         mentioned = [one for one in sections if one not in _RARE or self.named[one]] or list(sections)
         what = " or ".join(_SINGULAR.get(section, f"a {section.removesuffix('s')}") for section in mentioned)
-        self.mistake(f'is "{name}", which is not {what} of this file{instead_of(name, names)}')
+        near = nearest(name, list(MATERIALS)) if "materials" in sections else ""
+        listed = f'; the list of materials has "{near}"' if near else ""
+        self.mistake(f'is "{name}", which is not {what} of this file{instead_of(name, names)}{listed}')
 
     def address(self, address: str) -> None:
         """Raise if a text is not an address, or its owner is unknown."""
@@ -559,7 +562,7 @@ def element_keys(
 def _key(of: Field[Any]) -> Field[Any]:
     """Return the declaration of the key of a field that refers to other tables."""
     if isinstance(of, Member) and of.kind is Material:
-        return name_in(f"name of the {of.doc}", "materials")
+        return name_in(f"name, in this file or in the list of materials, of the {of.doc}", "materials")
     if isinstance(of, Member):
         return element_keys(of.kind, of.doc, title=f"{of.kind.__name__}MemberTable")
     if isinstance(of, AttachedTo):

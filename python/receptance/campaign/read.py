@@ -17,6 +17,7 @@ from receptance._text import did_you_mean, shown
 from receptance.campaign.build import Builder, Built, blanks_of, modal_unknowns
 from receptance.campaign.cuts import CampaignCut, build_cut
 from receptance.campaign.keys import OWNERS, WRONG, NamedTables, Place
+from receptance.campaign.listed_materials import note_on_listed, with_listed_materials
 from receptance.campaign.measurements import MeasurementReader, note_repeated
 from receptance.campaign.problems import CampaignError, Issue, KeyPath, Problems
 from receptance.campaign.schema import CampaignTable, SeriesTable
@@ -155,8 +156,11 @@ def measured_structures(text: str) -> dict[str, tuple[Assembly, Coordinate]]:
 
 def _build(data: dict[str, Any], problems: Problems, folder: Path | None) -> tuple[CampaignTable, Builder, Built]:
     """Return the tables and the objects built from them; data files are looked for if a folder is given."""
+    data, listed = with_listed_materials(data)
     table = _tables(data, problems, folder)
     builder = Builder(problems, folder)
+    for name in listed:
+        builder.note(("materials", name), note_on_listed(name))
     return table, builder, builder.build(table)
 
 

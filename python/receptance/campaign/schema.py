@@ -244,6 +244,11 @@ class AssemblyTable(KeyTable):
         name_in("", "parts", "joints", "modal_parts", "spindles"),
         least=1,
     ).needed()
+    insertion = Number(
+        units.LENGTH,
+        "length of the shank in the bore of the holder, if the parts on both sides of the first joint are those of "
+        "their drawings, with the whole shank and the empty bore; `set` and `tolerance` then have their addresses",
+    ).default(None)
     attachments = ListOf("names of the masses and ground springs on it", name_in("", "attachments")).default(_NONE)
     set = MapOf(
         'values of this configuration by address, `{ "tool.segment[0].length" = "60 mm" }`', value_at_address()

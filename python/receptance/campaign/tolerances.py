@@ -19,6 +19,7 @@ from receptance.fit.unknowns import Tolerance, covered
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Material, Part, Segment
 from receptance.model.fields import Member
+from receptance.model.insertion import Insertion
 
 Errors = dict[tuple[str, bool], dict[str, float]]
 """Standard deviations while they are collected, by name of the error, by whether they are of the logarithm (else in SI
@@ -53,9 +54,11 @@ def tolerances_of_assembly(name: str, campaign: CampaignTable, built: Built, bui
     """Return the errors of an assembly of the file.
 
     A tolerance of the assembly itself takes precedence over those of its parts. A value that the assembly sets has an
-    error of its own, with the tolerance of the value it replaces. Identified parameters have no error.
+    error of its own, with the tolerance of the value it replaces. Identified parameters have no error. Where a shank is
+    inserted, the tolerances are those of the parts as drawn.
     """
-    assembly = built.assemblies[name]
+    shank = built.insertions.get(name)
+    assembly = built.assemblies[name] if shank is None else shank.drawn
     table = campaign.assemblies[name]
     here: KeyPath = ("assemblies", name)
     taken = _identified(assembly, built)
@@ -75,7 +78,21 @@ def tolerances_of_assembly(name: str, campaign: CampaignTable, built: Built, bui
     own = {own: (*here, "set", own) for address in table.set for own in covered(address, assembly)}
     inherited = ((a, own.get(a, path), deviation) for a, path, deviation in _inherited(assembly, campaign, {}))
     _add(errors, assembly, inherited, taken)
+    if shank is not None:
+        errors = _moved(errors, shank.insertion)
     return (*_tolerances(errors), *_of_spindle(assembly, built))
+
+
+def _moved(errors: Errors, insertion: Insertion) -> Errors:
+    """Return the errors of parts as drawn as those of the parts with the shank in the bore."""
+    moved: Errors = {}
+    for (name, log), deviations in errors.items():
+        here = moved.setdefault((name, log), {})
+        for address, deviation in deviations.items():
+            for target, factor in insertion.moved(address).items():
+                # A logarithm has the same deviation, whatever the factor between the values.
+                here[target] = here.get(target, 0.0) + deviation * (1.0 if log else factor)
+    return moved
 
 
 def inherited_tolerances(
@@ -171,9 +188,9 @@ def _of_contour(name: str, part: Part, campaign: CampaignTable) -> Iterator[_Inh
 
 def _of_segment(first: str, segment: Segment, own: Deviations, campaign: CampaignTable) -> Iterator[_Inherited]:
     """Yield the tolerances of a segment that is not in the file, and of its materials."""
-    for address in (f"{first}.{name}" for name in Segment.declared):
-        if address in own:
-            yield address, (address,), own[address]
+    for address, deviation in own.items():
+        if address.startswith(f"{first}."):
+            yield address, (address,), deviation
     for name, member in Segment.declared.items():
         material = getattr(segment, name)
         if isinstance(member, Member) and material is not None and material.name in campaign.materials:

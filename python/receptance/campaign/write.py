@@ -287,16 +287,25 @@ def _write_structure(
     """Write the elements that causes have changed, and the values in which assemblies differ."""
     materials = _Materials(campaign.table.materials)
     tables: dict[str, tuple[Assembly, dict[str, Any]]] = {}
+    changed = {name for extended in assemblies.values() for name in extended.changed}
+    # Where a tool or a holder is changed, all of them are written with the shank in the bore.
+    shanks = {title: shank.insertion for title, shank in campaign.built.insertions.items() if title in assemblies}
+    inserted = {part.name for insertion in shanks.values() for part in (insertion.tool, insertion.holder)}
+    if changed & inserted:
+        changed |= inserted
+        for title in shanks:
+            del data["assemblies"][title]["insertion"]
     for extended in assemblies.values():
         for name, element in extended.assembly.elements.items():
-            if name not in tables and any(name in other.changed for other in assemblies.values()):
+            if name not in tables and name in changed:
                 tables[name] = (extended.assembly, _element_table(element, materials))
     for name, (_, table) in tables.items():
         section = "parts" if "segments" in table else "modal_parts" if "modes" in table else "joints"
         data.setdefault(section, {})[name] = table
     for title, extended in assemblies.items():
         _write_assembly(data, title, extended, {name: base for name, (base, _) in tables.items()}, unknown)
-    data["materials"].update(materials.added)
+    if materials.added:
+        data.setdefault("materials", {}).update(materials.added)
 
 
 def _write_assembly(

@@ -9,12 +9,14 @@ from typing import Any
 
 from receptance._text import instead_of
 from receptance.campaign import Campaign, CampaignError, Deviation, Issue
+from receptance.campaign.listed_materials import listed_deviations, listed_materials, note_on_listed
+from receptance.campaign.problems import path_text
 from receptance.campaign.tolerances import inherited_tolerances
 from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
 from receptance.fit.parameters import Site
 from receptance.fit.unknowns import Tolerance
 from receptance.model.assembly import Assembly
-from receptance.model.beams import STEEL, Part, Segment
+from receptance.model.beams import STEEL, Material, Part, Segment
 from receptance.model.terminals import MeasuredPart, ModalPart
 
 _NO_CATALOGUE = """there is no [catalogue]; write one, such as
@@ -83,12 +85,20 @@ class Catalogue:
             raise CampaignError.about(campaign.file, text)
         self.spindle = named.part if spindle is None and named is not None else spindle
         self.errors = tuple(errors)
+        self.notes: list[str] = []
+        """What a user should know of the files: units, columns that are not needed, and listed materials."""
         self.file = _source(tools, table.tools, campaign, "tools")
-        rows = tools if isinstance(tools, Sequence) and not isinstance(tools, str) else read_tools(self.file)
+        rows = (
+            tools
+            if isinstance(tools, Sequence) and not isinstance(tools, str)
+            else read_tools(self.file, notes=self.notes)
+        )
         self.tools: tuple[ToolRow, ...] = tuple(rows)
+        self._listed = listed_materials((row.material for row in self.tools), campaign.built.materials)
         self._holders: dict[str, Part] = {}
         self._read_holders(holders)
         self._check_tools()
+        self.notes += [f"{path_text(('materials', name))}: {note_on_listed(name)}" for name in self._listed]
 
     def __len__(self) -> int:
         return len(self.tools)
@@ -96,6 +106,11 @@ class Catalogue:
     def __iter__(self) -> Iterator[ToolAssembly]:
         """Yield the assembly of each tool; none is stored."""
         return map(self.assemble, self.tools)
+
+    @property
+    def materials(self) -> dict[str, Material]:
+        """Materials of the campaign, and those of the list that rows name."""
+        return {**self._listed, **self.campaign.built.materials}
 
     def assemble(self, row: ToolRow) -> ToolAssembly:
         """Return the assembly of a row with its errors."""
@@ -114,16 +129,20 @@ class Catalogue:
             links.append(self.spindle)
         assembly = Assembly(links, [built.attachments[name] for name in self.table.attachments])
         parts: dict[str, dict[str, Deviation]] = {**{name: {} for name in self._holders}, _TOOL: deviations}
+        for name in parts:
+            if name in assembly.parts:
+                parts[name] = parts[name] | self._of_materials(assembly.parts[name])
         inherited = inherited_tolerances(assembly, self.campaign.table, self.campaign.built, parts)
         by_name = {tolerance.name: tolerance for tolerance in (*inherited, *self.errors)}
         return ToolAssembly(row, Site(assembly, row.name, "", row.conditions), tuple(by_name.values()))
 
     def _segments(self, row: ToolRow) -> tuple[list[Segment], dict[str, Deviation]]:
-        """Return the fluted part and the shank of a tool, and the standard deviations of their dimensions."""
+        """Return the fluted part, the neck and the shank of a tool, and the standard deviations of their dimensions."""
         tolerance = self.table.tolerance
         pieces = [
             (row.flute_length, row.effective_diameter, "effective diameter", tolerance.effective_diameter),
-            (row.overhang - row.flute_length, row.diameter, "diameter", tolerance.diameter),
+            (max(row.neck_end - row.flute_length, 0.0), row.neck_diameter, "neck diameter", tolerance.diameter),
+            (row.overhang - max(row.flute_length, row.neck_end), row.diameter, "diameter", tolerance.diameter),
         ]
         pieces = [piece for piece in pieces if piece[0] > _SHORTEST]
         segments: list[Segment] = []
@@ -138,17 +157,30 @@ class Catalogue:
                     length=length,
                     outer_diameter=diameter,
                     inner_diameter=row.bore,
-                    material=self.campaign.built.materials[row.material],
+                    material=self.materials[row.material],
                 )
             )
         return segments, {address: deviation for address, deviation in deviations.items() if deviation is not None}
+
+    def _of_materials(self, part: Part) -> dict[str, Deviation]:
+        """Return the standard deviations of listed materials in a part, by address."""
+        deviations: dict[str, Deviation] = {}
+        for index, segment in enumerate(part.segments):
+            for prefix, material in (("", segment.material), ("core.", segment.core)):
+                if material is not None and material.name in self._listed:
+                    address = f"{part.name}.segment[{index}].{prefix}"
+                    deviations |= {f"{address}{key}": one for key, one in listed_deviations(material.name).items()}
+        return deviations
 
     def _read_holders(self, holders: str | Path | Mapping[str, list[HolderRow]] | None) -> None:
         if holders is None and self.table.holders is None:
             return
         file = _source(holders, self.table.holders, self.campaign, "holders")
-        rows = holders if isinstance(holders, Mapping) else read_holders(file)
+        rows = holders if isinstance(holders, Mapping) else read_holders(file, notes=self.notes)
         built = self.campaign.built
+        of_holders = (name for holder in rows.values() for row in holder for name in (row.material, row.core))
+        self._listed |= listed_materials(of_holders, built.materials)
+        materials = self.materials
         problems: list[Issue] = []
         for name, holder_rows in rows.items():
             if name == _TOOL or name in built.parts or name in built.joints:
@@ -157,9 +189,9 @@ class Catalogue:
             segments = []
             for index, row in enumerate(holder_rows):
                 for key, material in (("material", row.material), ("core", row.core)):
-                    if material and material not in built.materials:
+                    if material and material not in materials:
                         text = f'is "{material}", which is not a material of the campaign'
-                        text += instead_of(material, built.materials)
+                        text += instead_of(material, materials)
                         problems.append(Issue((name, index, key), text, row.line))
                 try:
                     segments.append(
@@ -168,8 +200,8 @@ class Catalogue:
                             outer_diameter=row.outer_diameter,
                             inner_diameter=row.inner_diameter,
                             # An unknown material was reported; with steel in its place dimensions are checked as well.
-                            material=built.materials.get(row.material, STEEL),
-                            core=built.materials.get(row.core, STEEL) if row.core else None,
+                            material=materials.get(row.material, STEEL),
+                            core=materials.get(row.core, STEEL) if row.core else None,
                         )
                     )
                 except ValueError as error:
@@ -187,12 +219,12 @@ class Catalogue:
             for key, name, names in (
                 ("holder", row.holder, {**built.parts, **self._holders}),
                 ("joint", row.joint, built.joints),
-                ("material", row.material, built.materials),
+                ("material", row.material, self.materials),
             ):
                 if name and name not in names:
                     text = f'is "{name}", which is not known{instead_of(name, names)}'
                     problems.append(Issue((row.name, key), text, row.line))
-            if row.material in built.materials:
+            if row.material in self.materials:
                 try:
                     self._segments(row)
                 except ValueError as error:

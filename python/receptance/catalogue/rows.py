@@ -8,12 +8,29 @@ from pathlib import Path
 from typing import Annotated
 
 from receptance import units
-from receptance.campaign.csv_rows import ShareOf, read_rows
+from receptance.campaign.csv_rows import DerivedFrom, ShareOf, read_rows
+from receptance.catalogue.iso13399 import HOLDER_SYMBOLS, TOOL_SYMBOLS
+
+_PLAY = 1e-4
+"""Largest excess in m of a length that is no contradiction, because catalogues round lengths."""
+_AT_MOST = (
+    ("overhang", "overall_length"),
+    ("functional_length", "overall_length"),
+    ("usable_length", "overall_length"),
+    ("head_length", "overall_length"),
+    ("clamping_length", "overall_length"),
+    ("flute_length", "overhang"),
+    ("flute_length", "overall_length"),
+    ("depth_of_cut", "flute_length"),
+    ("depth_of_cut", "usable_length"),
+    ("cutting_diameter", "largest_cutting_diameter"),
+)
+"""Fields of a tool of which the first is at most the second, if the row has both."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ToolRow:
-    """A tool in its holder; lengths in m."""
+    """A tool in its holder; lengths in m, zero where the row has none."""
 
     name: str
     """Name, unique in the catalogue."""
@@ -23,7 +40,7 @@ class ToolRow:
     """Name of the holder."""
     material: str
     """Name of the material."""
-    overhang: Annotated[float, units.LENGTH]
+    overhang: Annotated[float, units.LENGTH, DerivedFrom("overall length", "clamping length")]
     """Length from the holder's face to the tip."""
     diameter: Annotated[float, units.LENGTH]
     """Diameter of the shank."""
@@ -31,14 +48,34 @@ class ToolRow:
     """Name of the joint; empty if the row names none."""
     bore: Annotated[float, units.LENGTH_OR_ZERO] = 0.0
     """Diameter of a coolant bore."""
-    flute_length: Annotated[float, units.LENGTH_OR_ZERO] = 0.0
+    flute_length: Annotated[float, units.LENGTH_OR_ZERO, DerivedFrom("depth of cut")] = 0.0
     """Length of the fluted part; zero without flutes."""
-    effective_diameter: Annotated[float, units.LENGTH, ShareOf("diameter")] = 0.0
+    effective_diameter: Annotated[float, units.LENGTH, ShareOf("cutting diameter", "diameter")] = 0.0
     """Diameter of the round bar with the same bending stiffness; zero without flutes."""
     teeth: int | None = None
     """Number of teeth."""
+    cutting_diameter: Annotated[float, units.LENGTH] = 0.0
+    """Diameter of the cutting edges."""
+    largest_cutting_diameter: Annotated[float, units.LENGTH] = 0.0
+    overall_length: Annotated[float, units.LENGTH] = 0.0
+    """Length of the tool with its shank."""
+    clamping_length: Annotated[float, units.LENGTH_OR_ZERO] = 0.0
+    """Length of the shank in the holder."""
+    functional_length: Annotated[float, units.LENGTH] = 0.0
+    depth_of_cut: Annotated[float, units.LENGTH] = 0.0
+    """Largest depth of cut."""
+    usable_length: Annotated[float, units.LENGTH] = 0.0
+    """Length from the tip to the end of the neck, or to where the tool can be used."""
+    head_length: Annotated[float, units.LENGTH] = 0.0
+    neck_diameter: Annotated[float, units.LENGTH] = 0.0
+    """Diameter between flutes and shank; zero without a neck."""
     conditions: dict[str, float] = field(default_factory=dict)
     """Other columns with numbers, in SI units, for laws of joints."""
+
+    @property
+    def neck_end(self) -> float:
+        """Length in m from the tip to the end of the neck; zero without a neck."""
+        return (self.usable_length or self.head_length) if self.neck_diameter else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,18 +95,22 @@ class HolderRow:
     """Name of the material that fills the bore; empty if there is none."""
 
 
-def read_tools(path: str | Path) -> list[ToolRow]:
+def read_tools(path: str | Path, *, notes: list[str] | None = None) -> list[ToolRow]:
     """Read tools from a CSV file.
 
     The first line names the columns, lengths with a unit: `name`, `holder`, `material`, `overhang [mm]`, `diameter
-    [mm]`, and optionally `joint`, `bore [mm]`, `flute length [mm]`, `effective diameter [mm]` or `[%]` of the
-    diameter, and `teeth`. Other columns with a unit are conditions of the clamping. Cells are separated by commas, or
-    by semicolons; with semicolons, decimals have a comma or a point.
+    [mm]`, and optionally `joint`, `bore [mm]`, `flute length [mm]`, `effective diameter [mm]` or `[%]` of the cutting
+    diameter, or of the diameter where there is none, and `teeth`. Symbols of ISO 13399 name columns as well, see
+    `receptance.catalogue.iso13399`; without a unit they have mm, as the standard defines. Other columns with a unit are
+    conditions of the clamping. Cells are separated by commas, or by semicolons; with semicolons, decimals have a comma
+    or a point.
 
     Parameters
     ----------
     path : str or path
         The file.
+    notes : list of str, optional
+        A list to which remarks for the user are added: units by the standard, and columns that were not needed.
 
     Raises
     ------
@@ -87,20 +128,46 @@ def read_tools(path: str | Path) -> list[ToolRow]:
         if tool.flute_length and not tool.effective_diameter:
             text = "is empty, but the tool has flutes; expected the diameter of the round bar with their bending "
             yield "effective diameter", f"{text}stiffness"
-        elif tool.flute_length > tool.overhang:
-            text = f"is {1e3 * tool.flute_length:g} mm, expected at most the overhang, {1e3 * tool.overhang:g} mm"
-            yield "flute length", text
+        else:
+            yield from _contradictions(tool)
 
-    return read_rows(path, ToolRow, check=mistakes)
+    return read_rows(path, ToolRow, check=mistakes, symbols=TOOL_SYMBOLS, notes=notes)
 
 
-def read_holders(path: str | Path) -> dict[str, list[HolderRow]]:
+def _contradictions(tool: ToolRow) -> Iterator[tuple[str, str]]:
+    """Yield lengths and diameters of a row that exclude each other."""
+    for small, large in _AT_MOST:
+        size, limit = getattr(tool, small), getattr(tool, large)
+        if size and limit and size > limit + (0.0 if small == "flute_length" else _PLAY):
+            name = large.replace("_", " ")
+            yield small.replace("_", " "), f"is {1e3 * size:g} mm, expected at most the {name}, {1e3 * limit:g} mm"
+            return
+    whole = tool.overhang + tool.clamping_length
+    if tool.overall_length and tool.clamping_length and whole > tool.overall_length + _PLAY:
+        text = f"is {1e3 * tool.clamping_length:g} mm, which makes {1e3 * whole:g} mm with the overhang of "
+        yield (
+            "clamping length",
+            f"{text}{1e3 * tool.overhang:g} mm, expected at most the overall length, {1e3 * tool.overall_length:g} mm",
+        )
+    if not tool.neck_diameter:
+        return
+    if not tool.neck_end:
+        yield "neck diameter", "is given without usable length (LU) or head length (LH), expected where the neck ends"
+    elif not tool.flute_length < tool.neck_end <= tool.overhang:
+        text = f"ends {1e3 * tool.neck_end:g} mm from the tip, expected more than the flute length, "
+        yield (
+            "neck diameter",
+            f"{text}{1e3 * tool.flute_length:g} mm, and at most the overhang, {1e3 * tool.overhang:g} mm",
+        )
+
+
+def read_holders(path: str | Path, *, notes: list[str] | None = None) -> dict[str, list[HolderRow]]:
     """Read holders from a CSV file with one segment in each row, in order from the tip-side end.
 
     Columns: `holder`, `length [mm]`, `outer diameter [mm]`, `material`, and optionally `inner diameter [mm]` and
     `core`, the material that fills the bore. See `read_tools` for parameters and errors.
     """
     holders: dict[str, list[HolderRow]] = {}
-    for row in read_rows(path, HolderRow):
+    for row in read_rows(path, HolderRow, symbols=HOLDER_SYMBOLS, notes=notes):
         holders.setdefault(row.holder, []).append(row)
     return holders

@@ -31,6 +31,7 @@ from receptance.cli.catalogue import catalogue
 from receptance.cli.contour import contour
 from receptance.cli.demo import demo
 from receptance.cli.files import convert, show
+from receptance.cli.materials import materials
 from receptance.cli.new import new
 from receptance.cli.running import InputError, InterruptedAnswer, takes_quiet
 from receptance.cli.spindle import spindle
@@ -50,7 +51,13 @@ _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
         "sweep": sweep,
     },
     "Use": {"predict": predict, "transfer": transfer, "stability": stability, "catalogue": catalogue},
-    "Tools": {"show": show, "contour": contour, "convert": convert, "schema": schema},
+    "Tools": {
+        "show": show,
+        "contour": contour,
+        "materials": materials,
+        "convert": convert,
+        "schema": schema,
+    },
 }
 
 

@@ -74,10 +74,11 @@ def catalogue(
         if figures is not None or frfs is not None:
             predictions = _write_files(predictions, names, figures, frfs)
         predicted = tuple(receptance.catalogue.results.summaries(predictions))
+        of_tools = [note for tool in predicted for note in tool.notes]
         return receptance.catalogue.CatalogueSummary(
             tools=predicted,
             level=read.table.prediction.level,
-            notes=tuple(dict.fromkeys([*read.notes, *(note for tool in predicted for note in tool.notes)])),
+            notes=tuple(dict.fromkeys([*read.notes, *chosen.notes, *of_tools])),
             provenance=read.provenance(),
         )
 

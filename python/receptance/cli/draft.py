@@ -17,13 +17,15 @@ import tomli_w
 from receptance import units
 from receptance._reading import ReadingOptions, campaign_keys
 from receptance._text import instead_of, one_of, shown
+from receptance.campaign.listed_materials import listed_materials, listed_table
 from receptance.catalogue.rows import HolderRow
-from receptance.cli.pieces import MATERIAL_NUMBERS, SIZES, mm, readable
+from receptance.cli.pieces import MATERIAL_NUMBERS, MATERIALS, SIZES, mm, readable
 from receptance.cli.running import InputError
 from receptance.frf import FRF
 from receptance.io import TimeSeries
 from receptance.io.files import FORMATS, file_format
 from receptance.model.beams import Material
+from receptance.model.materials import is_listed
 
 _TOLERANCES = {
     "flutes": {"length": "0.1 mm", "outer_diameter": "3 %", "inner_diameter": "0.3 %"},  # an effective diameter
@@ -386,6 +388,8 @@ def campaign_text(
 def _material(name: str, material: Material) -> str:
     numbers = {key: readable(getattr(material, key), quantity) for key, quantity in MATERIAL_NUMBERS.items()}
     tolerance = {"youngs_modulus": "1 %", "density": "0.5 %", "loss_factor": "50 %"}
+    if name not in MATERIALS and is_listed(name) and listed_materials([name], {})[name] == material:
+        tolerance = listed_table(name)["tolerance"]
     return _table(f"materials.{_key(name)}", {**numbers, "tolerance": tolerance})
 
 

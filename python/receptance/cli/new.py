@@ -18,6 +18,7 @@ from receptance import campaign, cli, io, report, units
 from receptance._files import check_target, created_folder, write_whole
 from receptance._reading import ReadingOptions
 from receptance._text import instead_of, printable, shown
+from receptance.campaign.listed_materials import listed_materials
 from receptance.cli.files import named_values, reading_of, takes_reading
 from receptance.cli.running import (
     InputError,
@@ -29,6 +30,7 @@ from receptance.cli.running import (
     takes_options,
 )
 from receptance.errors import ReceptanceWarning
+from receptance.model.materials import is_listed
 from receptance.report.terminal import print_list
 
 _AT_TIP = "hit and response at the tip"
@@ -70,7 +72,7 @@ def _quantity(quantity: units.Quantity, *none: str) -> _Parse:
 def _choice(*names: str) -> _Parse:
     def parse(text: str, answers: Mapping[str, Any]) -> str:
         choices = names or answers["materials"]
-        if text not in choices:
+        if text not in choices and (names or not is_listed(text)):
             raise ValueError(f"is {shown(text)}{instead_of(text, choices)}")
         return text
 
@@ -190,7 +192,9 @@ def _takes_answers(command: Callable[..., None]) -> Callable[..., None]:
     options: dict[str, tuple[Any, Any]] = {}
     for name, question in _QUESTIONS.items():
         file = f"each file, in their order or as FILE={question.example}" if question.each else "a file"
-        text = question.text.format(file=file, materials="steel, carbide or the name of a --material")
+        text = question.text.format(
+            file=file, materials="steel, carbide, the name of a --material or one that `receptance materials` lists"
+        )
         option = typer.Option(question.option, metavar=f"'{question.example}'", help=f"{text}.")
         kind: Any = list[str] | None if question.each else str | None
         options[name] = (Annotated[kind, option], None)
@@ -270,6 +274,8 @@ def new(
         for name in ("holder_material", "insertion"):
             if options[name] is not None and name not in answers:
                 raise InputError(f"{_QUESTIONS[name].option} is given, but the holder's file states it; leave it out")
+        of_pieces = [name for piece in (*(tool or ()), *(holder or ())) for name in (piece.material, piece.core)]
+        materials |= listed_materials(of_pieces, materials)
         sensor, support = answers.answer("sensor"), answers.answer("support")
         for question in _PLACES:
             if support == "spindle" or options[question.name] is not None:

@@ -15,8 +15,9 @@ from receptance.campaign.problems import CampaignError, Problems
 from receptance.campaign.read import read_contents
 from receptance.campaign.schema import PartTable
 from receptance.catalogue.rows import HolderRow, read_holders
-from receptance.model.beams import CARBIDE, STEEL, Material, Segment
+from receptance.model.beams import CARBIDE, STEEL, Material, Part, Segment
 from receptance.model.fields import Number
+from receptance.model.insertion import insert
 from receptance.units import Quantity, parse
 
 MATERIALS = {material.name: replace(material, loss_factor=0.001) for material in (STEEL, CARBIDE)}
@@ -129,29 +130,42 @@ def _holders_of_toml(path: Path) -> dict[str, list[HolderRow]]:
 def inserted(holder: Sequence[HolderRow], insertion: float, shank: HolderRow) -> list[HolderRow]:
     """Return the pieces of a holder with the shank of a tool in its bore over the insertion in m.
 
-    The piece in which the insertion ends is divided. The material of the shank fills the bore.
+    The piece in which the insertion ends is divided. The material of the shank fills the bore, also of pieces that are
+    described without one.
     """
-    pieces: list[HolderRow] = []
-    rest, diameter = insertion, shank.outer_diameter
-    for number, piece in enumerate(holder, 1):
-        if rest <= 1e-9:
-            pieces.append(piece)
-            continue
-        bore = piece.inner_diameter
-        if piece.outer_diameter <= diameter or (bore and abs(bore - diameter) > 0.01 * diameter):
-            raise ValueError(
-                f"is {mm(insertion)}, but piece {number} of the holder is {mm(piece.outer_diameter)} thick with a bore "
-                f"of {mm(bore)} and cannot contain the shank of {mm(diameter)}, expected a bore of that diameter, or "
-                "none; a collet around the shank counts as holder"
-            )
-        inside = min(rest, piece.length)
-        pieces.append(replace(piece, length=inside, inner_diameter=diameter, core=shank.material))
-        if piece.length - inside > 1e-9:
-            pieces.append(replace(piece, length=piece.length - inside))
-        rest -= inside
-    if rest > 1e-9:
-        raise ValueError(f"is {mm(insertion)}, longer than the holder of {mm(sum(piece.length for piece in holder))}")
-    return pieces
+    if not insertion:
+        return list(holder)
+    segments = [
+        Segment(
+            length=piece.length,
+            outer_diameter=piece.outer_diameter,
+            inner_diameter=piece.inner_diameter,
+            material=STEEL,  # materials are names here
+        )
+        for piece in holder
+    ]
+    # The shank protrudes by any length, because the overhangs are those of the measurements.
+    whole = Segment(
+        length=2.0 * insertion,
+        outer_diameter=shank.outer_diameter,
+        inner_diameter=shank.inner_diameter,
+        material=CARBIDE,
+    )
+    try:
+        made = insert(Part([whole], name="tool"), Part(segments, name="holder"), insertion, bore_solid=True)
+    except ValueError as error:
+        text = str(error).removeprefix("insert: ").removeprefix(f"the insertion is {mm(insertion)}, ")
+        raise ValueError(f"is {mm(insertion)}, {'' if text.startswith('longer') else 'but '}{text}") from None
+    origins = {piece.made[1]: piece.drawn[1] for piece in made.pieces if piece.drawn[0] == "holder"}
+    return [
+        replace(
+            holder[origins[index]],
+            length=segment.length,
+            inner_diameter=segment.inner_diameter,
+            core="" if segment.core is None else shank.material,
+        )
+        for index, segment in enumerate(made.holder.segments)
+    ]
 
 
 def parse_material(text: str) -> Material:

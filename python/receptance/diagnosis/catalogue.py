@@ -35,7 +35,6 @@ from receptance.diagnosis.measurement_causes import MEASUREMENT_CAUSES
 from receptance.diagnosis.model import Model, UndecidableError, require_joint
 from receptance.diagnosis.part_causes import (
     PART_CAUSES,
-    ToolMaterial,
     longest_first_section,
     other_materials,
     replace_values,
@@ -47,6 +46,7 @@ from receptance.fit.unknowns import Prior
 from receptance.model.addresses import edges_of
 from receptance.model.beams import Part
 from receptance.model.joints import GroundSpring, PointMass
+from receptance.model.materials import MaterialClass
 
 CATALOGUE: Mapping[str, Cause] = MappingProxyType(
     {cause.id: cause for cause in (*JOINT_CAUSES, *PART_CAUSES, *BOUNDARY_CAUSES, *MEASUREMENT_CAUSES)}
@@ -243,7 +243,7 @@ _BRAZED = ("steel", "cemented carbide")
 """Materials of heads and shanks that are brazed or shrunk together."""
 
 
-def _make_head(material: ToolMaterial, p: Mapping[str, Parameter], model: Model) -> Model:
+def _make_head(material: MaterialClass, p: Mapping[str, Parameter], model: Model) -> Model:
     """Return the model with a head of another material, of which the grade is not known."""
     tip, length, at = model.tip, p["length"], 0.05 * TIP_STEP
     scatter = {"youngs_modulus": ("log_modulus", material.modulus_scatter)}
@@ -259,14 +259,14 @@ def _make_head(material: ToolMaterial, p: Mapping[str, Parameter], model: Model)
     return changed.plus(length.move(moved_step(changed, tip, at), upper=upper), *grade)
 
 
-def _with_head(model: Model, at: float, material: ToolMaterial) -> Model:
+def _with_head(model: Model, at: float, material: MaterialClass) -> Model:
     """Return the model with a first section of another material up to a place."""
     fields = ("youngs_modulus", "density", "poisson_ratio")
     values = {f"{model.tip}.segment[0].{field}": getattr(material, field) for field in fields}
     return model.split(model.tip, at)[0].rebuild(partial(replace_values, values))
 
 
-def _make_shank(material: ToolMaterial, p: Mapping[str, Parameter], middle: float, model: Model) -> Model:
+def _make_shank(material: MaterialClass, p: Mapping[str, Parameter], middle: float, model: Model) -> Model:
     """Return the model with a share of the way to another material from a place on, which moves as well."""
     tip = model.tip
     log_modulus, log_density = material.relative_to(stated_material(model))

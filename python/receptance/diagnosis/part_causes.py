@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 from receptance.diagnosis.causes import Cause, Parameter, Variant
@@ -36,6 +36,7 @@ from receptance.model.anatomy import overhang_of
 from receptance.model.assembly import Assembly
 from receptance.model.beams import Material, Part
 from receptance.model.joints import PointMass
+from receptance.model.materials import MATERIAL_CLASSES, MaterialClass
 
 _RIGID_MODULUS = 10.0 * METAL_MODULUS
 """Young's modulus in Pa from which a body is rigid: no material reaches it."""
@@ -240,52 +241,14 @@ def _move_ratios(ratio: Parameter, sides: Sequence[str], model: Model) -> Model:
     return model.plus(ratio.move(moves, lower=lower, upper=upper))
 
 
-@dataclass(frozen=True)
-class ToolMaterial:
-    """A class of materials: typical values and the scatter of its grades."""
+def other_materials(stated: Material) -> Iterator[MaterialClass]:
+    """Yield the classes of listed materials of tools that a stated one is not.
 
-    name: str
-    """Name in texts."""
-    youngs_modulus: float
-    """Typical value in Pa."""
-    density: float
-    """Typical value in kg/m3."""
-    poisson_ratio: float
-    modulus_scatter: float
-    """Standard deviation of the natural logarithm over the grades of the class."""
-    density_scatter: float
-    """Standard deviation of the natural logarithm over the grades of the class."""
-
-    def relative_to(self, stated: Material) -> tuple[float, float]:
-        """Return the natural logarithms of modulus and density over those of a stated material."""
-        return math.log(self.youngs_modulus / stated.youngs_modulus), math.log(self.density / stated.density)
-
-
-TOOL_MATERIALS = (
-    ToolMaterial("steel", 215e9, 7950.0, 0.3, 0.04, 0.02),
-    ToolMaterial("cemented carbide", 595e9, 14500.0, 0.22, 0.045, 0.018),
-    ToolMaterial("tungsten heavy alloy", 360e9, 17700.0, 0.28, 0.05, 0.025),
-    ToolMaterial("aluminium", 70e9, 2740.0, 0.33, 0.03, 0.02),
-)
-"""Materials of tools, boring bars and dummies.
-
-steel
-    210 GPa and a ratio of 0.3 (EN 1993-1-1, 3.2.6), 7850 kg/m3 (EN 1991-1-1, table A.4); high-speed steels have
-    215 to 230 GPa and 8000 to 8300 kg/m3 (ISO 4957 grades HS6-5-2 and the like, makers' data sheets).
-cemented carbide
-    WC with 4 to 15 % Co: 540 to 650 GPa and 13 900 to 15 000 kg/m3 (Brookes, World Directory and Handbook of
-    Hardmetals; makers' tables).
-tungsten heavy alloy
-    W with Ni, Fe or Cu, classes 1 to 4 of ASTM B777: 330 to 390 GPa and 17 000 to 18 500 kg/m3 (makers' data sheets,
-    for example Plansee Densimet D170 to D185); for boring bars.
-aluminium
-    70 GPa and 2700 kg/m3 (EN 1999-1-1, 3.2.5), alloys to 73 GPa and 2850 kg/m3; for dummies and test pieces.
-"""
-
-
-def other_materials(stated: Material) -> Iterator[ToolMaterial]:
-    """Yield the materials that a stated one is not; its own deviations are `tool_modulus` and `tool_density`."""
-    for material in TOOL_MATERIALS:
+    Deviations within its class are `tool_modulus` and `tool_density`.
+    """
+    for material in MATERIAL_CLASSES:
+        if not material.of_tools:
+            continue
         log_modulus, log_density = material.relative_to(stated)
         if abs(log_modulus) > ORDINARY_MODULUS or abs(log_density) > ORDINARY_DENSITY:
             yield material
@@ -299,7 +262,8 @@ def _other_material(p: Mapping[str, Parameter], model: Model) -> Iterator[Varian
             partial(_use_material, material, p),
             meaning=f"the tool is of {material.name}, and the model has a material with "
             f"{1e-9 * stated.youngs_modulus:.0f} GPa and {stated.density:.0f} kg/m3",
-            remedy=f"weigh the tool; if it is of {material.name}, give it that material in the model",
+            remedy=f"weigh the tool; if it is of {material.name}, give it that material in the model; grades in "
+            f"the list are {', '.join(material.grades)}",
         )
 
 
@@ -314,7 +278,7 @@ def stated_material(model: Model) -> Material:
     return materials[0]
 
 
-def _use_material(material: ToolMaterial, p: Mapping[str, Parameter], model: Model) -> Model:
+def _use_material(material: MaterialClass, p: Mapping[str, Parameter], model: Model) -> Model:
     stated = stated_material(model)
     log_modulus, log_density = material.relative_to(stated)
     moduli, densities = (_everywhere(model, field, ["tool"]) for field in ("youngs_modulus", "density"))
