@@ -2,6 +2,7 @@ from . import campaign as campaign
 from . import catalogue as catalogue
 from . import coupling as coupling
 from . import diagnosis as diagnosis
+from . import drawing as drawing
 from . import examples as examples
 from . import fit as fit
 from . import frf as frf

@@ -503,6 +503,7 @@ class Quantity:
 
 LENGTH = Quantity("a length", "m", "62.3 mm", above=0.0, written=(1e-6, 1e3))
 LENGTH_OR_ZERO = Quantity("a length or zero", "m", "20 mm", least=0.0)
+COORDINATE = Quantity("a length of either sign", "m", "20 mm")
 MODULUS = Quantity("a modulus", "Pa", "580 GPa", above=0.0, written=(1e6, 1e20))
 DENSITY = Quantity("a density", "kg/m^3", "14500 kg/m^3", above=0.0, written=(1e-6, 1e6))
 POISSON_RATIO = Quantity("a Poisson's ratio", "", "0.22", above=-1.0, most=0.5)

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NoReturn, TypeVar
 
-from receptance import coupling
+from receptance import coupling, drawing
 from receptance._text import did_you_mean, instead_of, one_of
 from receptance.campaign.keys import ElementTable
 from receptance.campaign.problems import CampaignError, KeyPath, Problems, path_text
@@ -64,6 +64,8 @@ _NEEDED = {
     "follows": ("power_of", "individual"),
 }
 """Keys of an unknown that depend on another one."""
+_OF_CONTOUR = frozenset({"material", "layer", "bore_layer", "unit", "axis", "tip", "within", "tolerance"})
+"""Keys of a part that are only for a contour."""
 _PROVISIONAL_HZ = 1000.0
 """Natural frequency of a mode before its start value is estimated from the measured FRFs."""
 _NOT_A_BLANK = 'is "{}", a blank from which a spindle is identified; expected an assembly that is predicted'
@@ -228,10 +230,46 @@ class Builder:
         return self.make(path, table.element, **values)
 
     def _part(self, name: str, table: PartTable) -> Part:
+        path: KeyPath = ("parts", name)
+        if table.contour is not None:
+            made = self._part_of_contour(name, table, table.contour)
+            return coupling.as_rigid(made) if table.rigid else made
+        for key in sorted(table.written & _OF_CONTOUR):
+            self.fail((*path, key), "is given without `contour`, expected that as well, or none of the two")
+        if not table.segments and not self.problems.at((*path, "contour")):
+            text = "is missing: one or more tables `[[parts.NAME.segments]]`, or the file of a drawing as `contour`"
+            self.fail((*path, "segments"), text)
         rows = enumerate(table.segments)
         segments = self.together(partial(self.element, row, ("parts", name, "segments", i)) for i, row in rows)
         made = Part(segments, name=name)
         return coupling.as_rigid(made) if table.rigid else made
+
+    def _part_of_contour(self, name: str, table: PartTable, file: str) -> Part:
+        """Return the part of a drawing; what the drawing does not state is noted."""
+        path: KeyPath = ("parts", name)
+        self.require(path)
+        if table.segments:
+            self.fail((*path, "segments"), "are given with `contour`, expected one of the two")
+        if table.material is None:
+            self.fail((*path, "material"), "is missing: name of the material of the contour")
+        if self.folder is None:
+            self.fail((*path, "contour"), "is a file, which is not read here, expected segments")
+        options: drawing.DrawingOptions = {"tolerance": table.within}
+        if table.layer is not None:
+            options["layer"] = table.layer
+        if table.bore_layer is not None:
+            options["bore_layer"] = table.bore_layer
+        if table.unit is not None:
+            options["unit"] = table.unit
+        if table.axis is not None:
+            options["axis"] = table.axis
+        if table.tip is not None:
+            options["tip"] = table.tip
+        drawn = self.make((*path, "contour"), drawing.read_contour, self.folder / file, **options)
+        for text in drawn.assumptions:
+            self.note((*path, "contour"), text)
+        material = self.built.materials.get(table.material, STEEL)
+        return self.make((*path, "contour"), Part.from_contour, drawn.contour, material=material, name=name)
 
     def _joint(self, name: str, table: ElementTable) -> AnyJoint:
         wrong = [problem.path[1:2] for problem in self.problems.found if problem.path[:1] == ("unknowns",)]

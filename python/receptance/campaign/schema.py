@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, Literal
 
-from receptance import units
+from receptance import drawing, units
 from receptance._reading import reading_options
 from receptance._text import shown
 from receptance.campaign.keys import (
@@ -54,6 +54,7 @@ from receptance.campaign.values import (
     parse_share,
 )
 from receptance.model.beams import Material, Segment, SpreadJoint
+from receptance.model.contour import TOLERANCE
 from receptance.model.fields import Choice, Count, Field, Number, Position, T
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
 from receptance.model.terminals import ModalPart, Mode
@@ -95,12 +96,50 @@ MATERIAL = element_keys(Material)
 SEGMENT = element_keys(Segment, without=("shape",))
 
 
+class ContourSpread(KeyTable):
+    """Standard deviations of the dimensions of a drawing; each is one error of all segments together."""
+
+    diameter = deviation_of(units.LENGTH, "of all outer diameters, which are too large or too small together").default(
+        None
+    )
+    bore = deviation_of(units.LENGTH, "of all diameters of bores, likewise").default(None)
+    length = deviation_of(units.LENGTH, "of the whole length, of which every segment has its share").default(None)
+
+
 class PartTable(KeyTable):
-    """A tool, a holder, a blank: segments in a row, rigidly connected, from its tip-side end on."""
+    """A tool, a holder, a blank: segments in a row, rigidly connected, from its tip-side end on, or a contour."""
 
     segments = ListOf(
-        "one or more, `[[parts.NAME.segments]]`, in order from the tip-side end", SEGMENT, least=1
-    ).needed()
+        "one or more, `[[parts.NAME.segments]]`, in order from the tip-side end; not needed with `contour`",
+        SEGMENT,
+        least=1,
+    ).default(_NONE)
+    contour = data_file(
+        "drawing of the contour, in place of segments: CSV with `x [mm]` and `diameter [mm]`, or DXF; the following "
+        "keys are only for it"
+    ).default(None)
+    material = name_in("name of the material of a contour", "materials").default(None)
+    layer: str | list[str] | None = one_or_list(
+        "layers of a DXF file with the profile; by default the only one, or CUT and NOCUT",
+        text(),
+        "the name of a layer, or a list of them",
+    ).default(None)
+    bore_layer: str | list[str] | None = one_or_list(
+        "layers of a DXF file with the bores; by default those named BORE, BORES, HOLE or HOLES",
+        text(),
+        "the name of a layer, or a list of them",
+    ).default(None)
+    unit = text("unit of the coordinates, if the file does not state it").default(None)
+    axis = text(
+        'axis of a DXF file, `"x"`, `"y"` or `"y = 12 mm"`; by default the line in the layer AXIS, else `"x"`'
+    ).default(None)
+    tip: drawing.Tip | None = Choice(
+        "end of the drawing at which the tip is; by default that of the layer CUT, else left or bottom", drawing.TIPS
+    ).default(None)
+    within = Number(
+        units.LENGTH, "largest distance between a curve of the drawing and the cones that replace it"
+    ).default(TOLERANCE)
+    tolerance = ContourSpread.keys("standard deviations of the dimensions of a contour").default(ContourSpread())
     rigid = flag("whether the part is rigid: only its mass counts").default(False)
 
 

@@ -15,6 +15,7 @@ _SECTIONS: tuple[tuple[Any, str], ...] = (
     (tables.CampaignTable, "The file"),
     (tables.MATERIAL, "`[materials.NAME]`"),
     (tables.PartTable, "`[parts.NAME]`"),
+    (tables.ContourSpread, "`tolerance` of a part with a contour"),
     (tables.SEGMENT, "`[[parts.NAME.segments]]`"),
     (tables.MODAL_PART, "`[modal_parts.NAME]`"),
     (tables.MODE, "`[[modal_parts.NAME.modes]]`"),

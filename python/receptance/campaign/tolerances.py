@@ -8,6 +8,7 @@ that variable. Tolerances with the same name are one error.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
 
 from receptance.campaign.build import Builder, Built, addresses_of, unknown_address
 from receptance.campaign.keys import ElementTable
@@ -16,7 +17,7 @@ from receptance.campaign.schema import CampaignTable
 from receptance.campaign.values import Deviation
 from receptance.fit.unknowns import Tolerance, covered
 from receptance.model.assembly import Assembly
-from receptance.model.beams import Material, Segment
+from receptance.model.beams import Material, Part, Segment
 from receptance.model.fields import Member
 from receptance.model.insertion import Insertion
 
@@ -27,6 +28,12 @@ _LARGE = 0.2
 """Relative standard deviation above which it is that of the logarithm: the value then keeps its sign."""
 Deviations = dict[str, Deviation]
 """Standard deviations by address."""
+_OF_DRAWING = {
+    "diameter": ("outer_diameter", "end_outer_diameter"),
+    "bore": ("inner_diameter", "end_inner_diameter"),
+    "length": ("length",),
+}
+"""Dimensions of a segment that each tolerance of a contour belongs to."""
 _Inherited = tuple[str, KeyPath, Deviation]
 """Address, place in the file and standard deviation."""
 
@@ -145,6 +152,8 @@ def _inherited(assembly: Assembly, campaign: CampaignTable, parts: Mapping[str, 
         elif name in campaign.joints:
             joint = campaign.joints[name]
             yield from _of_element(("joints", name), name, joint, campaign)
+        elif name in campaign.parts and campaign.parts[name].contour is not None:
+            yield from _of_contour(name, assembly.parts[name], campaign)
         elif name in campaign.parts:  # a measured or modal spindle has errors of its own
             for index, table in enumerate(campaign.parts[name].segments):
                 place: KeyPath = ("parts", name, "segments", index)
@@ -152,6 +161,29 @@ def _inherited(assembly: Assembly, campaign: CampaignTable, parts: Mapping[str, 
     for name in assembly.attachments:
         if name in campaign.attachments:
             yield from _own(("attachments", name), name, campaign.attachments[name].tolerance)
+
+
+def _of_contour(name: str, part: Part, campaign: CampaignTable) -> Iterator[_Inherited]:
+    """Yield the tolerances of a part with a contour: one error of all diameters, of all bores and of the whole length.
+
+    An absolute standard deviation of the length is divided in proportion to the lengths.
+    """
+    table = campaign.parts[name]
+    place: KeyPath = ("parts", name)
+    for index, segment in enumerate(part.segments):
+        first = f"{name}.segment[{index}]"
+        for key, fields in _OF_DRAWING.items():
+            deviation = getattr(table.tolerance, key)
+            if deviation is None:
+                continue
+            if key == "length" and not deviation.relative:
+                deviation = replace(deviation, amount=deviation.amount * segment.length / part.length)
+            for field in fields:
+                # A bore that is not there, or ends in a point, has no tolerance.
+                if getattr(segment, field):
+                    yield f"{first}.{field}", (*place, "tolerance", key), deviation
+        if table.material is not None and table.material in campaign.materials:
+            yield from _own(("materials", table.material), first, campaign.materials[table.material].tolerance)
 
 
 def _of_segment(first: str, segment: Segment, own: Deviations, campaign: CampaignTable) -> Iterator[_Inherited]:

@@ -533,8 +533,9 @@ def _rebase_files(data: dict[str, Any], before: Path, after: Path) -> None:
     def moved(name: str) -> str:
         return Path(os.path.relpath((before / name).resolve(), after.resolve())).as_posix()
 
-    for table in (*data["measurements"].values(), *data.get("spindles", {}).values()):
-        for key in ("file", "coherence"):
+    tables = (*data["measurements"].values(), *data.get("spindles", {}).values(), *data["parts"].values())
+    for table in tables:
+        for key in ("file", "coherence", "contour"):
             written = table.get(key)
             if isinstance(written, str):
                 table[key] = moved(written)

@@ -28,6 +28,7 @@ from receptance.cli.campaigns import (
     transfer,
 )
 from receptance.cli.catalogue import catalogue
+from receptance.cli.contour import contour
 from receptance.cli.demo import demo
 from receptance.cli.files import convert, show
 from receptance.cli.materials import materials
@@ -50,7 +51,13 @@ _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
         "sweep": sweep,
     },
     "Use": {"predict": predict, "transfer": transfer, "stability": stability, "catalogue": catalogue},
-    "Tools": {"show": show, "convert": convert, "materials": materials, "schema": schema},
+    "Tools": {
+        "show": show,
+        "contour": contour,
+        "materials": materials,
+        "convert": convert,
+        "schema": schema,
+    },
 }
 
 

@@ -56,6 +56,7 @@ def protect_files(loaded: campaign.Campaign, targets: Targets, *, of_spindles: b
     files = [file for name in (*loaded.measurements, *loaded.on_blanks) for file in loaded.files_of(name)]
     files += [spindle.file for spindle in loaded.table.spindles.values() if of_spindles and spindle.file]
     files += [tip.file for cut in loaded.cuts.values() for tip in cut.tips if tip.file]
+    files += [part.contour for part in loaded.table.parts.values() if part.contour]
     if (table := loaded.table.catalogue) is not None:
         files += [name for name in (table.tools, table.holders) if name]
     for name in files:

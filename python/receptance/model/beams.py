@@ -10,6 +10,7 @@ import numpy as np
 
 from receptance import _checks, units
 from receptance.errors import warn_user
+from receptance.model.contour import TOLERANCE, Contour, Points
 from receptance.model.fields import Choice, Count, Element, Field, Member, Name, Number
 from receptance.model.sections import Factors, Plane, SectionShape
 
@@ -268,6 +269,11 @@ def _mean_square(diameters: tuple[float, float]) -> float:
     return (near * near + near * far + far * far) / 3.0
 
 
+def _end(near: float, far: float) -> float | None:
+    """Return the diameter at the far end of a piece; None if it is that of the near end."""
+    return None if far == near else far
+
+
 @dataclass(frozen=True)
 class Part:
     """A part: rigidly connected segments along x, from the tip-side end to the far end.
@@ -296,6 +302,65 @@ class Part:
         owner = f"Part {name!r}" if name else "Part"
         segments = _checks.items(f"{owner}: segments", segments, Segment)
         _checks.set_fields(self, {"segments": segments, "name": name})
+
+    @classmethod
+    def from_contour(
+        cls,
+        outer: Contour | Points,
+        bores: Iterable[Points] = (),
+        *,
+        material: Material,
+        name: str = "",
+        radii: bool = False,
+        tolerance: float = TOLERANCE,
+    ) -> Part:
+        """Return the part of a contour: cylinders and cones, divided where the profile or a bore changes.
+
+        Parameters
+        ----------
+        outer : Contour or sequence of points
+            A contour, or its outer profile: points (x, diameter) in m, see `receptance.model.contour.Contour`.
+        bores : sequence of sequences of points, optional
+            The profiles of the bores, if `outer` is not a contour.
+        material : Material
+            Material of all segments.
+        name : str, optional
+            First word of the addresses of its parameters.
+        radii : bool, optional
+            Whether the points are (x, radius).
+        tolerance : float, optional
+            Largest distance in m between an arc and the cones that replace it.
+
+        Raises
+        ------
+        ValueError, TypeError
+            As of `Contour`; the message names the place.
+
+        Examples
+        --------
+        >>> from receptance import STEEL, Part
+        >>> nose = Part.from_contour(
+        ...     [(0.0, 0.02), (0.05, 0.03)], bores=[[(0.0, 0.01), (0.04, 0.01)]], material=STEEL
+        ... )
+        >>> [f"{1e3 * segment.length:g} mm" for segment in nose.segments]
+        ['40 mm', '10 mm']
+        """
+        owner = f"Part {name!r}" if name else "Part"
+        contour = outer
+        if not isinstance(contour, Contour):
+            contour = Contour(contour, bores, radii=radii, tolerance=tolerance, owner=owner)
+        segments = (
+            Segment(
+                length=piece.length,
+                outer_diameter=piece.outer_diameter,
+                inner_diameter=piece.inner_diameter,
+                end_outer_diameter=_end(piece.outer_diameter, piece.end_outer_diameter),
+                end_inner_diameter=_end(piece.inner_diameter, piece.end_inner_diameter),
+                material=material,
+            )
+            for piece in contour.pieces
+        )
+        return cls(segments, name=name)
 
     @property
     def length(self) -> float:

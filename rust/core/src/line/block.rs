@@ -24,6 +24,8 @@ pub struct Prepared<const D: usize> {
     pub segments: Vec<Segment<D>>,
     /// The series of each segment that is a cone.
     pub cones: Vec<Option<Cone<D>>>,
+    /// Largest |w| of the lines to come, where it is known: cones have one division for all of them.
+    pub highest: f64,
     /// Springs of the joints.
     pub joints: Vec<Spring>,
     /// Change of the stiffness of each joint by slip at its stated level.
@@ -126,6 +128,7 @@ impl<const D: usize> Prepared<D> {
         Self {
             segments: model.segments.iter().map(|row| Segment::new(row, model.motion)).collect(),
             cones: model.segments.iter().map(|row| Cone::new(row, model.motion)).collect(),
+            highest: 0.0,
             joints: model.joints.iter().map(|joint| joint.1).collect(),
             added,
             points,
@@ -191,7 +194,8 @@ impl<const D: usize> Prepared<D> {
                 let square = segment.wave_number_square(into.most);
                 into.weights[row] = segment.weights(square);
                 if let Some(cone) = &self.cones[row] {
-                    into.kernels[row].evaluate_cone(cone, into.w2, into.most, into.real);
+                    let level = cone.level(into.most.sqrt().max(self.highest));
+                    into.kernels[row].evaluate_cone(cone, level, into.w2, into.most, into.real);
                     continue;
                 }
                 let differentiated = self.differentiated[row];

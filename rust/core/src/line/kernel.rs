@@ -101,10 +101,9 @@ impl<S: Simd, const D: usize> Kernel<S, D> {
         }
     }
 
-    /// Evaluates the slices of a cone at the lines `w2`, of which the largest is `most`.
+    /// Evaluates the slices of a cone in a division of some level at the lines `w2`, of which the largest is `most`.
     #[inline(always)]
-    pub fn evaluate_cone(&mut self, cone: &Cone<D>, w2: C<S>, most: f64, real: bool) {
-        let level = cone.level(most.sqrt());
+    pub fn evaluate_cone(&mut self, cone: &Cone<D>, level: usize, w2: C<S>, most: f64, real: bool) {
         let division = cone.division(level);
         self.way = Way::Slices { level };
         self.slices.clear();

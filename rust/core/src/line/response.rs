@@ -98,6 +98,7 @@ impl<'a, const D: usize> Job<'a, D> {
             only_root: false,
             tip: None,
         };
+        job.prepared.highest = whole.map_or(0.0, |(highest, _)| highest);
         for gradient in &job.gradients {
             if let Some(row) = gradient.segment().filter(|row| !job.differentiated.contains(row)) {
                 job.differentiated.push(row);

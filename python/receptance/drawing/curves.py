@@ -1,0 +1,364 @@
+"""Curves of a drawing, and the closed contours that they form.
+
+A curve is an entity of the drawing as a polyline. Its points are in a frame: along an axis and across it. Messages name
+places in the coordinates and the unit of the drawing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from receptance.io import FileFormatError
+
+Points = NDArray[np.float64]
+"""Points of a curve, shape (n, 2)."""
+MOST_EDGES = 3000
+"""Largest number of edges of all contours after curves were simplified."""
+_NAMED = 4
+"""Most entities that a message names."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame in a drawing: its origin, the direction of its first axis, and the unit."""
+
+    origin: tuple[float, float] = (0.0, 0.0)
+    direction: tuple[float, float] = (1.0, 0.0)
+    unit: str = "mm"
+
+    def inside(self, points: Points) -> Points:
+        """Return points of the drawing as distances along the axis and across it."""
+        c, s = self.direction
+        moved: Points = (points - np.array(self.origin)) @ np.array([[c, -s], [s, c]])
+        return moved
+
+    def place(self, point: Iterable[float]) -> str:
+        """Return the coordinates of a point of the frame in the drawing as text."""
+        along, across = point
+        c, s = self.direction
+        x, y = self.origin[0] + c * along - s * across, self.origin[1] + s * along + c * across
+        return f"({_tidy(x)}, {_tidy(y)}) {self.unit}"
+
+
+def _tidy(value: float) -> str:
+    return f"{value if abs(value) > 1e-9 else 0.0:.6g}"
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """An entity of a drawing as a polyline."""
+
+    points: Points
+    entity: str
+    """Type and handle of the entity, such as "LINE #2F"."""
+    layer: str
+
+    @property
+    def ends(self) -> Points:
+        """First and last point."""
+        return self.points[[0, -1]]
+
+    @property
+    def is_straight(self) -> bool:
+        """Whether it is one line."""
+        return len(self.points) == 2
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A closed contour: its points without repetition of the first, and the entity of the edge behind each."""
+
+    points: Points
+    entities: tuple[str, ...]
+    layer: str
+
+
+def wrong(problem: str, layer: str, entity: str = "", at: str = "") -> FileFormatError:
+    """Return the error about an entity of a layer at a place."""
+    parts = [f'layer "{layer}"', *([entity] if entity else []), *([f"at {at}"] if at else [])]
+    return FileFormatError(problem, place=", ".join(parts))
+
+
+# Simplification -------------------------------------------------------------------------------------------------------
+
+
+def simplified(points: Points, tolerance: float) -> Points:
+    """Return the points of a polyline without those that are not needed within a tolerance.
+
+    From each point on the longest chord is taken that is no farther than the tolerance from all points between its
+    ends; its length is found by doubling and bisection. The ends stay.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from receptance.drawing.curves import simplified
+    >>> simplified(np.array([[0.0, 0.0], [1.0, 0.001], [2.0, 0.0], [2.0, 1.0]]), 0.01).tolist()
+    [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0]]
+    """
+    last = len(points) - 1
+    kept = [0]
+    while kept[-1] < last:
+        first = kept[-1]
+        good, step = first + 1, 2
+        while first + step <= last and _is_chord(points[first : first + step + 1], tolerance):
+            good, step = first + step, 2 * step
+        bad = min(first + step, last + 1)
+        if bad == last + 1 and good < last and _is_chord(points[first:], tolerance):
+            good, bad = last, last + 1
+        while bad - good > 1:
+            middle = (good + bad) // 2
+            if _is_chord(points[first : middle + 1], tolerance):
+                good = middle
+            else:
+                bad = middle
+        kept.append(good)
+    return points[kept]
+
+
+def _is_chord(points: Points, tolerance: float) -> bool:
+    """Return whether all points are within a tolerance of the chord from the first to the last one."""
+    chord = points[-1] - points[0]
+    inner = points[1:-1] - points[0]
+    length = math.hypot(*chord)
+    # The distance from the chord, not from its line: a curve may return beside its ends.
+    along = np.clip(inner @ chord / length**2, 0.0, 1.0) if length > 0.0 else np.zeros(len(inner))
+    return bool(np.hypot(*(inner - along[:, None] * chord).T).max(initial=0.0) <= tolerance)
+
+
+# Contours -------------------------------------------------------------------------------------------------------------
+
+
+class _Net:
+    """Curves of a layer, and the nodes at which their ends meet."""
+
+    def __init__(self, curves: Sequence[Curve], tolerance: float) -> None:
+        self.curves, self.tolerance = list(curves), tolerance
+        self._number()
+
+    def _number(self) -> None:
+        """Number the nodes; ends within the tolerance of each other are one node."""
+        ends = np.concatenate([curve.ends for curve in self.curves]) if self.curves else np.empty((0, 2))
+        nodes = np.arange(len(ends))
+        if len(ends):
+            for first, second in sorted(cKDTree(ends).query_pairs(self.tolerance)):
+                low, high = sorted((nodes[first], nodes[second]))
+                nodes[nodes == high] = low
+        self.nodes = [(int(nodes[2 * i]), int(nodes[2 * i + 1])) for i in range(len(self.curves))]
+        self.places = ends
+
+    def at(self, node: int) -> list[int]:
+        """Return the curves with an end at a node, one with both ends twice."""
+        return [index for index, ends in enumerate(self.nodes) for end in ends if end == node]
+
+    def keep(self, kept: Sequence[int]) -> None:
+        """Leave out all other curves."""
+        self.curves = [self.curves[index] for index in kept]
+        self._number()
+
+    @property
+    def degrees(self) -> dict[int, int]:
+        """Number of ends at each node."""
+        counts: dict[int, int] = {}
+        for ends in self.nodes:
+            for end in ends:
+                counts[end] = counts.get(end, 0) + 1
+        return counts
+
+
+def closed_loops(
+    curves: Sequence[Curve], frame: Frame, tolerance: float, *, axis: bool
+) -> tuple[list[Loop], list[str]]:
+    """Return the closed contours that curves of one layer form, and notes on curves that were left out.
+
+    With an `axis`, the first axis of the frame, lines on it are left out, and a contour that begins and ends on it is
+    closed along it.
+
+    Raises
+    ------
+    FileFormatError
+        A contour is open, or more than two curves meet; the message names entity, layer and place.
+    """
+    notes: list[str] = []
+    long = [curve for curve in curves if np.ptp(curve.points, axis=0).max() > tolerance]
+    if axis:
+        kept = [curve for curve in long if np.abs(curve.points[:, 1]).max() > tolerance]
+        if len(kept) < len(long):
+            notes.append(f'{len(long) - len(kept)} lines on the axis in layer "{curves[0].layer}" are left out')
+        long = kept
+    net = _Net(long, tolerance)
+    notes += _drop_repeated(net)
+    if axis:
+        _divide_faces(net)
+        notes += _drop_visible_edges(net)
+    _check_nodes(net, frame, axis)
+    loops = [_traced(net, chain) for chain in _chains(net)]
+    loops = [loop for loop in loops if len(loop.points) > 2]
+    if sum(len(loop.points) for loop in loops) > MOST_EDGES:
+        edges = sum(len(loop.points) for loop in loops)
+        raise wrong(
+            f"has {edges} edges within the tolerance of {tolerance:.3g} {frame.unit}, expected at most {MOST_EDGES}; "
+            "give a larger tolerance, or check the unit",
+            curves[0].layer,
+        )
+    return loops, notes
+
+
+def _drop_repeated(net: _Net) -> list[str]:
+    """Leave out lines that are drawn twice."""
+    seen: set[tuple[int, ...]] = set()
+    kept, repeated = [], []
+    for index, (curve, ends) in enumerate(zip(net.curves, net.nodes, strict=True)):
+        key = tuple(sorted(ends))
+        if curve.is_straight and key in seen:
+            repeated.append(curve.entity)
+        else:
+            kept.append(index)
+        if curve.is_straight:
+            seen.add(key)
+    if not repeated:
+        return []
+    layer = net.curves[0].layer
+    net.keep(kept)
+    return [f'lines that are drawn twice in layer "{layer}" count once: {_listed(repeated)}']
+
+
+def _divide_faces(net: _Net) -> None:
+    """Divide straight lines across the axis where another curve ends on them, as at a shoulder with a visible edge."""
+    degrees = net.degrees
+    free = [net.places[2 * i + side] for i, ends in enumerate(net.nodes) for side in (0, 1) if degrees[ends[side]] == 1]
+    divided: list[Curve] = []
+    for curve in net.curves:
+        (x0, y0), (x1, y1) = curve.ends
+        if not curve.is_straight or abs(x1 - x0) > net.tolerance:
+            divided.append(curve)
+            continue
+        low, high = sorted((y0, y1))
+        on = [y for x, y in free if abs(x - x0) <= net.tolerance and low + net.tolerance < y < high - net.tolerance]
+        stops = sorted({low, high, *on})
+        if len(stops) == 2:
+            divided.append(curve)
+            continue
+        divided += [replace(curve, points=np.array([[x0, a], [x0, b]])) for a, b in pairwise(stops)]
+    if len(divided) > len(net.curves):
+        net.curves = divided
+        net.keep(range(len(divided)))
+
+
+def _drop_visible_edges(net: _Net) -> list[str]:
+    """Leave out lines across the axis that are no part of a contour: edges that the drawing shows within it."""
+    dropped: list[str] = []
+    degrees = net.degrees
+    kept = []
+    for index, (curve, ends) in enumerate(zip(net.curves, net.nodes, strict=True)):
+        across = curve.is_straight and abs(curve.points[1, 0] - curve.points[0, 0]) <= net.tolerance
+        inner = [degrees[end] > 2 for end in ends]
+        on_axis = [abs(y) <= net.tolerance and degrees[end] == 1 for end, y in zip(ends, curve.ends[:, 1], strict=True)]
+        if across and any(inner) and all(a or b for a, b in zip(inner, on_axis, strict=True)):
+            dropped.append(curve.entity)
+            for end in ends:
+                degrees[end] -= 1
+        else:
+            kept.append(index)
+    if not dropped:
+        return []
+    layer = net.curves[0].layer
+    net.keep(kept)
+    return [f'edges within the contour in layer "{layer}" are left out: {_listed(dropped)}']
+
+
+def _check_nodes(net: _Net, frame: Frame, axis: bool) -> None:
+    """Raise at a node where a contour is open, or where it is not clear how it goes on."""
+    degrees = net.degrees
+    ends = [(node, index, side) for index, pair in enumerate(net.nodes) for side, node in enumerate(pair)]
+    for node, index, side in ends:
+        if degrees[node] > 2:
+            curve = net.curves[index]
+            names = _listed([net.curves[i].entity for i in dict.fromkeys(net.at(node))])
+            raise wrong(
+                f"{degrees[node]} lines meet here, expected two: {names}; put edges that are no part of the contour "
+                "into another layer",
+                curve.layer,
+                curve.entity,
+                frame.place(net.places[2 * index + side]),
+            )
+    free = [(index, 2 * index + side) for node, index, side in ends if degrees[node] == 1]
+    if axis:
+        free = [(index, end) for index, end in free if abs(net.places[end, 1]) > net.tolerance]
+    if not free:
+        return
+    index, end = free[0]
+    curve, here = net.curves[index], net.places[end]
+    problem = "the contour is open: this end touches no other line"
+    others = [(math.hypot(*(net.places[o] - here)), net.curves[i].entity, o) for i, o in free if i != index]
+    own = 2 * index + 1 - end % 2
+    if not others and len(curve.points) > 2 and any(o == own for _, o in free):
+        others = [(math.hypot(*(net.places[own] - here)), "the same entity", own)]
+    if others:
+        gap, entity, other = min(others)
+        near = frame.place(net.places[other])
+        problem = (
+            f"the contour is open: the nearest free end is that of {entity} at {near}, {gap:.4g} {frame.unit} away"
+        )
+    raise wrong(f"{problem}; close it in the drawing", curve.layer, curve.entity, frame.place(here))
+
+
+def _chains(net: _Net) -> list[list[tuple[int, bool]]]:
+    """Return the curves of each contour in order, and whether they are reversed."""
+    by_node: dict[int, list[int]] = {}
+    for index, ends in enumerate(net.nodes):
+        for end in dict.fromkeys(ends):
+            by_node.setdefault(end, []).append(index)
+    degrees = net.degrees
+    left = set(range(len(net.curves)))
+    chains = []
+    # Contours that begin on the axis are followed from there.
+    starts = sorted(left, key=lambda index: all(degrees[end] == 2 for end in net.nodes[index]))
+    for start in starts:
+        if start not in left:
+            continue
+        left.discard(start)
+        first, node = net.nodes[start]
+        reverse = degrees[first] == 2 and degrees[node] == 1
+        if reverse:
+            node = first
+        chain = [(start, reverse)]
+        while True:
+            following = next((index for index in by_node[node] if index in left), None)
+            if following is None:
+                break
+            left.discard(following)
+            begin, end = net.nodes[following]
+            chain.append((following, begin != node))
+            node = end if begin == node else begin
+        chains.append(chain)
+    return chains
+
+
+def _traced(net: _Net, chain: Sequence[tuple[int, bool]]) -> Loop:
+    """Return the closed contour of curves in order; ends that are one node within the tolerance become one point."""
+    points: list[Points] = []
+    entities: list[str] = []
+    for index, reverse in chain:
+        curve = net.curves[index]
+        own = curve.points[::-1] if reverse else curve.points
+        points += list(own[:-1])
+        entities += [curve.entity] * (len(own) - 1)
+    last_index, last_reverse = chain[-1]
+    last = net.curves[last_index].ends[0 if last_reverse else 1]
+    if math.hypot(*(last - points[0])) > net.tolerance:  # closed along the axis
+        points.append(last)
+        entities.append("the axis")
+    return Loop(np.array(points), tuple(entities), net.curves[last_index].layer)
+
+
+def _listed(entities: Sequence[str]) -> str:
+    """Return the first of many entities, and how many more there are."""
+    rest = len(entities) - _NAMED
+    return ", ".join(entities[:_NAMED]) + (f" and {rest} more" if rest > 0 else "")
