@@ -39,6 +39,7 @@ EXTRAS = {
     "sampling": ("emcee",),
     "dask": ("distributed",),
     "drawing": ("ezdxf",),
+    "sections": ("sectionproperties", "shapely"),
 }
 """Modules of each extra of the package, as in `pip install 'receptance[sweep]'`."""
 
