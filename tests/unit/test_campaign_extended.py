@@ -60,9 +60,8 @@ standard_deviation = "1 %"
 """
 
 
-def write_campaign(folder: Path, more: str = "", **changes: float) -> campaign.Campaign:
+def write_campaign(folder: Path, more: str = "", head: str = HEAD + OTHER, **changes: float) -> campaign.Campaign:
     """FRFs of three overhangs with 1 % of noise; the last one is held out, a fourth was not measured."""
-    head = HEAD + OTHER
     plain = load(folder, f"{head}{UNKNOWNS}")
     (folder / "data").mkdir(exist_ok=True)
     rng = np.random.default_rng(8)
@@ -105,6 +104,23 @@ def test_every_cause_can_be_written(small: campaign.Campaign, cause: str, part: 
         assert set(again.measurements) == {"short", "long", "longest"}
         if CATALOGUE[cause].group == "measurement":
             assert not any(name.startswith("cause_") for name in again.assemblies["other"].attachments)
+
+
+@pytest.mark.parametrize(
+    ("cause", "as_drawn"),
+    [("tool_density", True), ("overhang_error", True), ("sensor_mass", True), ("fluted_part", False)],
+)
+def test_causes_in_parts_as_drawn_can_be_written(tmp_path: Path, cause: str, as_drawn: bool) -> None:
+    """Changed parts are written with the shank in the bore; `write_extended` refuses a model that differs."""
+    chain = 'chain = ["tool", "joint", "holder"]'
+    head = (HEAD + OTHER).replace(chain, f'{chain}\ninsertion = "30 mm"').replace('core = "carbide"\n', "")
+    read = write_campaign(tmp_path, head=head)
+    model, _ = read.base_model()
+    variant, _ = next(iter(CATALOGUE[cause].extensions(model)))
+    read, verdict = as_if_found(read, (cause, variant.name))
+    again = campaign.load(campaign.write_extended(read, verdict, tmp_path / "extended.toml"))
+    assert again.assemblies.keys() == read.assemblies.keys()
+    assert {"insertion" in table for table in again.contents["assemblies"].values()} == {as_drawn}
 
 
 def test_exchanged_files_are_named_and_exchanged(tmp_path: Path) -> None:

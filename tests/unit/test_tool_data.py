@@ -12,7 +12,7 @@ from campaign_text import by_name
 from campaign_text import load as load_campaign
 from command_line import call
 from machine_with_catalogue import HOLDERS, TOOLS, load
-from receptance import MATERIALS, STEEL, Part
+from receptance import MATERIALS, STEEL, Part, SectionShape
 from receptance.campaign import CampaignError
 from receptance.catalogue import Catalogue, read_holders, read_tools
 from receptance.catalogue.iso13399 import TOOL_SYMBOLS, symbol_table
@@ -67,7 +67,8 @@ def test_stated_units_are_used(tmp_path: Path) -> None:
 
 def test_columns_that_are_not_needed_are_told(tmp_path: Path) -> None:
     _, notes = rows(tmp_path, NECK)
-    assert notes[1].endswith('not needed: columns "FHA", "RE", "TDES"')
+    assert notes[0].endswith('"DN" without a unit in mm, column "FHA" in deg, as ISO 13399 defines')
+    assert notes[1].endswith('not needed: columns "RE", "TDES"')
     _, notes = rows(tmp_path, PLAIN.replace("torque [N m]", "comment").replace(",80\n", ",first\n"))
     assert notes == ['list.csv: not needed: column "comment"']
 
@@ -120,6 +121,45 @@ def test_contradictions_are_refused_with_their_row(tmp_path: Path, old: str, new
     assert NECK.count(old) == 1
     value = {"LF": "500", "DCX": "9", "LSC": "50"}.get(new[1:4].strip(","), "0.5")
     assert words in mistakes(tmp_path, NECK.replace(old, new).replace(",35,0.5,", f",35,{value},"))
+
+
+FLUTES = """\
+name,holder,material,DC,DMM,LPR,LCF,core diameter [%],NOF,FHA,bore [mm]
+T1,er32,carbide,10,12,60,25,60,4,35,
+T2,er32,carbide,10,12,60,25,60,2,0,
+"""
+
+
+def test_flutes_have_the_section_of_their_number_and_core(tmp_path: Path) -> None:
+    four, two = Catalogue(load(tmp_path, tools=FLUTES))
+    parts = [tool.site.assembly.elements["tool"] for tool in (four, two)]
+    first = [part.segments[0] for part in parts if isinstance(part, Part)]
+    shapes = [
+        SectionShape.fluted(4, diameter=0.01, core_diameter=0.006),
+        SectionShape.fluted(2, diameter=0.01, core_diameter=0.006, straight=True),
+    ]
+    for segment, shape in zip(first, shapes, strict=True):
+        assert segment.shape is not None
+        assert (segment.length, segment.outer_diameter) == pytest.approx((0.025, 0.01))
+        assert segment.shape.moment == pytest.approx(shape.moment)
+    assert parts[0].segments[1].shape is None  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (",25,60,4,35,", ",25,60,,35,", "line 2, NOF: is empty, expected the number of flutes"),
+        (",25,60,4,35,", ",,60,4,35,", 'line 2, "core diameter": is given without a flute length'),
+        (",25,60,4,35,", ",25,60,4,35,2", "line 2, bore: is given beside a core diameter"),
+        (",25,60,4,35,", ",25,100,4,35,", 'line 2, "core diameter": makes no section of flutes'),
+        (",25,60,4,35,", ",25,60,4,80,", 'line 2, FHA: is "80 deg", expected at least -75 and at most 75'),
+        (",25,60,4,35,", ",25,,4,35,", "or `core diameter` and the number of teeth"),
+        ("FHA,bore [mm]", "effective diameter [mm],bore [mm]", "is given beside an effective diameter"),
+    ],
+)
+def test_flutes_that_are_incomplete_are_refused(tmp_path: Path, old: str, new: str, words: str) -> None:
+    assert FLUTES.count(old) == 1
+    assert words in mistakes(tmp_path, FLUTES.replace(old, new))
 
 
 def test_holders_have_symbols(tmp_path: Path) -> None:

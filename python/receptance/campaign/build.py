@@ -477,6 +477,8 @@ class Builder:
     def _check_moved(self, path: KeyPath, shank: InsertedShank, made: Assembly) -> None:
         """Check that the addresses of unknowns are those of the same dimension in the parts as drawn."""
         for title, unknown in self.built.unknowns.items():
+            if unknown.configurations is not None and path[-1] not in unknown.configurations:
+                continue
             addresses = addresses_of(unknown)
             moved = {own for address in addresses for own in covered(address, made)}
             more: dict[str, float] = {}

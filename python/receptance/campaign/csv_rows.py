@@ -237,11 +237,16 @@ def _header_problems(
 
 def _notes(file: Path, heads: Iterable[_Head], known: Mapping[str, _Column]) -> Iterator[str]:
     """Yield what a user should know of a file: units that the standard defines, and columns that are not needed."""
-    assumed = [head.called for head in heads if head.by_standard]
+    assumed: dict[str, list[str]] = {}
+    for head in heads:
+        if head.by_standard:
+            assumed.setdefault(head.unit, []).append(head.called)
     if assumed:
-        yield f"{file.name}: {_listed(assumed)} without a unit in mm, as ISO 13399 defines"
-    others = [head for head in heads if head.name not in known]
-    unused = [head.called for head in others if head.called and (not head.unit or _SYMBOL.fullmatch(head.called))]
+        (unit, first), *others = assumed.items()
+        rest = "".join(f", {_listed(names)} in {other}" for other, names in others)
+        yield f"{file.name}: {_listed(first)} without a unit in {unit}{rest}, as ISO 13399 defines"
+    unknown = [head for head in heads if head.name not in known]
+    unused = [head.called for head in unknown if head.called and (not head.unit or _SYMBOL.fullmatch(head.called))]
     if unused:
         yield f"{file.name}: not needed: {_listed(unused)}"
 

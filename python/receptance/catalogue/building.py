@@ -12,7 +12,7 @@ from receptance.campaign import Campaign, CampaignError, Deviation, Issue
 from receptance.campaign.listed_materials import listed_deviations, listed_materials, note_on_listed
 from receptance.campaign.problems import path_text
 from receptance.campaign.tolerances import inherited_tolerances
-from receptance.catalogue.rows import HolderRow, ToolRow, read_holders, read_tools
+from receptance.catalogue.rows import HolderRow, ToolRow, flutes_of, read_holders, read_tools
 from receptance.fit.parameters import Site
 from receptance.fit.unknowns import Tolerance
 from receptance.model.assembly import Assembly
@@ -139,8 +139,10 @@ class Catalogue:
     def _segments(self, row: ToolRow) -> tuple[list[Segment], dict[str, Deviation]]:
         """Return the fluted part, the neck and the shank of a tool, and the standard deviations of their dimensions."""
         tolerance = self.table.tolerance
+        shape = flutes_of(row) if row.core_diameter else None
+        fluted = row.effective_diameter if shape is None else shape.diameter
         pieces = [
-            (row.flute_length, row.effective_diameter, "effective diameter", tolerance.effective_diameter),
+            (row.flute_length, fluted, "effective diameter", tolerance.effective_diameter),
             (max(row.neck_end - row.flute_length, 0.0), row.neck_diameter, "neck diameter", tolerance.diameter),
             (row.overhang - max(row.flute_length, row.neck_end), row.diameter, "diameter", tolerance.diameter),
         ]
@@ -157,6 +159,7 @@ class Catalogue:
                     length=length,
                     outer_diameter=diameter,
                     inner_diameter=row.bore,
+                    shape=shape if index == 0 else None,
                     material=self.materials[row.material],
                 )
             )

@@ -23,7 +23,8 @@ TOOL_SYMBOLS = {
     "DN": Symbol("neck diameter", "mm", "diameter of the neck between flutes and shank"),
     "LU": Symbol("usable length", "mm", "usable length; a neck ends there"),
     "LH": Symbol("head length", "mm", "head length; without LU a neck ends there"),
-    "NOF": Symbol("teeth", "", "number of flutes, copied to the results as teeth"),
+    "NOF": Symbol("teeth", "", "number of flutes, for their section, and copied to the results as teeth"),
+    "FHA": Symbol("helix angle", "deg", "helix angle; two flutes without a helix bend differently in x and y"),
 }
 """Properties of a tool that a catalogue needs or checks, by symbol."""
 HOLDER_SYMBOLS = {

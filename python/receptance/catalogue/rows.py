@@ -10,6 +10,7 @@ from typing import Annotated
 from receptance import units
 from receptance.campaign.csv_rows import DerivedFrom, ShareOf, read_rows
 from receptance.catalogue.iso13399 import HOLDER_SYMBOLS, TOOL_SYMBOLS
+from receptance.model.sections import SectionShape
 
 _PLAY = 1e-4
 """Largest excess in m of a length that is no contradiction, because catalogues round lengths."""
@@ -54,6 +55,10 @@ class ToolRow:
     """Diameter of the round bar with the same bending stiffness; zero without flutes."""
     teeth: int | None = None
     """Number of teeth."""
+    core_diameter: Annotated[float, units.LENGTH, ShareOf("cutting diameter", "diameter")] = 0.0
+    """Diameter of the core of the flutes, whose section is then that of as many flutes; zero if it is not known."""
+    helix_angle: Annotated[float | None, units.HELIX] = None
+    """Helix angle of the flutes in degrees; None if it is not known."""
     cutting_diameter: Annotated[float, units.LENGTH] = 0.0
     """Diameter of the cutting edges."""
     largest_cutting_diameter: Annotated[float, units.LENGTH] = 0.0
@@ -104,10 +109,10 @@ def read_tools(path: str | Path, *, notes: list[str] | None = None) -> list[Tool
 
     The first line names the columns, lengths with a unit: `name`, `holder`, `material`, `overhang [mm]`, `diameter
     [mm]`, and optionally `joint`, `bore [mm]`, `flute length [mm]`, `effective diameter [mm]` or `[%]` of the cutting
-    diameter, or of the diameter where there is none, and `teeth`. Symbols of ISO 13399 name columns as well, see
-    `receptance.catalogue.iso13399`; without a unit they have mm, as the standard defines. Other columns with a unit are
-    conditions of the clamping. Cells are separated by commas, or by semicolons; with semicolons, decimals have a comma
-    or a point.
+    diameter, or of the diameter where there is none, or likewise `core diameter`, and `teeth`. Symbols of ISO 13399
+    name columns as well, see `receptance.catalogue.iso13399`; without a unit they have mm, as the standard defines.
+    Other columns with a unit are conditions of the clamping. Cells are separated by commas, or by semicolons; with
+    semicolons, decimals have a comma or a point.
 
     Parameters
     ----------
@@ -129,13 +134,50 @@ def read_tools(path: str | Path, *, notes: list[str] | None = None) -> list[Tool
         if tool.name in lines:
             yield "name", f'is "{tool.name}", as in line {lines[tool.name]}, expected another name'
         lines.setdefault(tool.name, tool.line)
-        if tool.flute_length and not tool.effective_diameter:
+        if tool.flute_length and not (tool.effective_diameter or tool.core_diameter):
             text = "is empty, but the tool has flutes; expected the diameter of the round bar with their bending "
-            yield "effective diameter", f"{text}stiffness"
+            yield "effective diameter", f"{text}stiffness, or `core diameter` and the number of teeth"
+        elif tool.core_diameter:
+            yield from _of_flutes(tool)
         else:
             yield from _contradictions(tool)
 
     return read_rows(path, ToolRow, check=mistakes, symbols=TOOL_SYMBOLS, notes=notes)
+
+
+def _of_flutes(tool: ToolRow) -> Iterator[tuple[str, str]]:
+    """Yield what the section of flutes lacks, or excludes."""
+    if tool.effective_diameter:
+        yield "core diameter", "is given beside an effective diameter, expected one of the two"
+    elif not tool.flute_length:
+        yield "core diameter", "is given without a flute length, expected it as well"
+    elif tool.teeth is None:
+        yield "teeth", "is empty, expected the number of flutes, because the row has a core diameter"
+    elif tool.bore:
+        yield "bore", "is given beside a core diameter, but the section of flutes is solid, expected one of the two"
+    else:
+        try:
+            flutes_of(tool)
+        except ValueError as error:
+            yield "core diameter", f"makes no section of flutes: {str(error).partition(': ')[2]}"
+        else:
+            yield from _contradictions(tool)
+
+
+def flutes_of(tool: ToolRow) -> SectionShape:
+    """Return the section of the flutes of a tool with a core diameter; two flutes without helix do not average.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Flutes that `SectionShape.fluted` refuses.
+    """
+    return SectionShape.fluted(
+        tool.teeth or 0,
+        diameter=tool.cutting_diameter or tool.diameter,
+        core_diameter=tool.core_diameter,
+        straight=tool.helix_angle == 0.0,
+    )
 
 
 def _contradictions(tool: ToolRow) -> Iterator[tuple[str, str]]:
