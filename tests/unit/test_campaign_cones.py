@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from as_if_found import as_if_found
+from command_line import call
 from finite_elements import NU, RHO, E, cone, coupled
 from receptance import FRF, campaign
 from receptance.campaign import json_schema
@@ -167,3 +168,33 @@ def test_a_shank_in_a_conical_nose() -> None:
     assert (around.length, around.outer_diameter, around.end_outer_diameter) == pytest.approx((0.04, 0.03, 0.05))
     assert (behind.length, behind.outer_diameter, behind.end_outer_diameter) == pytest.approx((0.02, 0.05, 0.06))
     assert (around.inner_diameter, behind.inner_diameter) == (0.012, 0.012)
+
+
+@pytest.mark.parametrize("command", ["check", "identify", "predict"])
+def test_the_command_line_takes_cones(
+    command: str, conical: campaign.Campaign, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(command, conical.file) == 0
+    assert capsys.readouterr().out
+
+
+def test_a_new_campaign_has_the_cone_of_its_answer(conical: campaign.Campaign, tmp_path: Path) -> None:
+    files = [conical.file.with_name(f"{name}.csv") for name in ("short", "long")]
+    answers = {
+        "tool": "16 mm",
+        "tool-material": "steel",
+        "holder": "50 mm x 34-52/12-20 mm, 70 mm x 60/20 mm",
+        "holder-material": "steel",
+        "insertion": "0 mm",
+        "sensor": "0 g",
+        "averages": "10",
+        "support": "free",
+    }
+    options = [text for name, answer in answers.items() for text in (f"--{name}", answer)]
+    overhangs = ["--overhang", "60 mm", "--overhang", "90 mm"]
+    assert call("new", tmp_path / "made", *files, *overhangs, *options) == 0
+    made = campaign.load(tmp_path / "made" / "campaign.toml")
+    holder = next(iter(made.assemblies.values())).parts["holder"]
+    stated = conical.assemblies["short"].parts["holder"]
+    for segment, other in zip(holder.segments, stated.segments, strict=True):
+        assert np.array(segment.ends) == pytest.approx(np.array(other.ends))
