@@ -181,13 +181,13 @@ def test_the_command_line_takes_cones(
 def test_a_new_campaign_has_the_cone_of_its_answer(conical: campaign.Campaign, tmp_path: Path) -> None:
     files = [conical.file.with_name(f"{name}.csv") for name in ("short", "long")]
     answers = {
-        "tool": "16 mm",
+        "tool": "12 mm",
         "tool-material": "steel",
-        "holder": "50 mm x 34-52/12-20 mm, 70 mm x 60/20 mm",
+        "holder": "50 mm x 34-54/12 mm, 70 mm x 60/20-30 mm",
         "holder-material": "steel",
-        "insertion": "0 mm",
+        "insertion": "20 mm",
         "sensor": "0 g",
-        "averages": "10",
+        "standard-deviation": "1 %",
         "support": "free",
     }
     options = [text for name, answer in answers.items() for text in (f"--{name}", answer)]
@@ -195,6 +195,9 @@ def test_a_new_campaign_has_the_cone_of_its_answer(conical: campaign.Campaign, t
     assert call("new", tmp_path / "made", *files, *overhangs, *options) == 0
     made = campaign.load(tmp_path / "made" / "campaign.toml")
     holder = next(iter(made.assemblies.values())).parts["holder"]
-    stated = conical.assemblies["short"].parts["holder"]
-    for segment, other in zip(holder.segments, stated.segments, strict=True):
-        assert np.array(segment.ends) == pytest.approx(np.array(other.ends))
+    around, behind, body = (np.array(segment.ends) for segment in holder.segments)
+    # The insertion ends at 20 of 50 mm: 34 mm + 0.4 x 20 mm.
+    assert around == pytest.approx(np.array([[0.034, 0.012], [0.042, 0.012]]))
+    assert behind == pytest.approx(np.array([[0.042, 0.012], [0.054, 0.012]]))
+    assert body == pytest.approx(np.array([[0.06, 0.02], [0.06, 0.03]]))
+    assert [segment.core is not None for segment in holder.segments] == [True, False, False]
