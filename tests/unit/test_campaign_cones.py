@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from as_if_found import as_if_found
+from command_line import call
 from finite_elements import NU, RHO, E, cone, coupled
 from receptance import FRF, campaign
 from receptance.campaign import json_schema
@@ -167,3 +168,36 @@ def test_a_shank_in_a_conical_nose() -> None:
     assert (around.length, around.outer_diameter, around.end_outer_diameter) == pytest.approx((0.04, 0.03, 0.05))
     assert (behind.length, behind.outer_diameter, behind.end_outer_diameter) == pytest.approx((0.02, 0.05, 0.06))
     assert (around.inner_diameter, behind.inner_diameter) == (0.012, 0.012)
+
+
+@pytest.mark.parametrize("command", ["check", "identify", "predict"])
+def test_the_command_line_takes_cones(
+    command: str, conical: campaign.Campaign, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(command, conical.file) == 0
+    assert capsys.readouterr().out
+
+
+def test_a_new_campaign_has_the_cone_of_its_answer(conical: campaign.Campaign, tmp_path: Path) -> None:
+    files = [conical.file.with_name(f"{name}.csv") for name in ("short", "long")]
+    answers = {
+        "tool": "12 mm",
+        "tool-material": "steel",
+        "holder": "50 mm x 34-54/12 mm, 70 mm x 60/20-30 mm",
+        "holder-material": "steel",
+        "insertion": "20 mm",
+        "sensor": "0 g",
+        "standard-deviation": "1 %",
+        "support": "free",
+    }
+    options = [text for name, answer in answers.items() for text in (f"--{name}", answer)]
+    overhangs = ["--overhang", "60 mm", "--overhang", "90 mm"]
+    assert call("new", tmp_path / "made", *files, *overhangs, *options) == 0
+    made = campaign.load(tmp_path / "made" / "campaign.toml")
+    holder = next(iter(made.assemblies.values())).parts["holder"]
+    around, behind, body = (np.array(segment.ends) for segment in holder.segments)
+    # The insertion ends at 20 of 50 mm: 34 mm + 0.4 x 20 mm.
+    assert around == pytest.approx(np.array([[0.034, 0.012], [0.042, 0.012]]))
+    assert behind == pytest.approx(np.array([[0.042, 0.012], [0.054, 0.012]]))
+    assert body == pytest.approx(np.array([[0.06, 0.02], [0.06, 0.03]]))
+    assert [segment.core is not None for segment in holder.segments] == [True, False, False]

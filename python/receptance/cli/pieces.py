@@ -46,9 +46,9 @@ def parse_pieces(text: str, *, shank: bool = False) -> list[HolderRow]:
     """Return the pieces of a tool or a holder that are written as `LENGTH x DIAMETER/BORE`, separated by commas.
 
     They are listed from the tip-side end on. A cone has the diameters of both ends, `50-60` for 50 mm at the tip-side
-    end and 60 mm at the other, and so may have a bore. A unit at the end of a piece applies to its numbers without a unit. With
-    `shank` the last piece has no length, which is zero, because it reaches to the holder. The message of an error
-    begins with "is".
+    end and 60 mm at the other, and so may have a bore. A unit at the end of a piece applies to its numbers without a
+    unit. With `shank` the last piece has no length, which is zero, because it reaches to the holder. The message of an
+    error begins with "is".
 
     Examples
     --------
@@ -59,7 +59,7 @@ def parse_pieces(text: str, *, shank: bool = False) -> list[HolderRow]:
     >>> cone.outer_diameter, cone.end_outer_diameter, cone.inner_diameter, cone.end_inner_diameter
     (0.05, 0.06, 0.02, None)
     """
-    expected = 'pieces such as "48 mm x 50/20 mm, 90 mm x 44/16 mm" (length x outer diameter/bore)'
+    expected = 'pieces such as "48 mm x 50/20 mm, 90 mm x 44/16 mm" (length x outer diameter/bore; 50-60 for a cone)'
     if shank:
         expected = 'a diameter such as "12.7 mm", or pieces with the shank last, "30 mm x 9.6 mm, 12 mm"'
     pieces = []
