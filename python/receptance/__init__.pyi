@@ -39,6 +39,7 @@ from .model.beams import Part as Part
 from .model.beams import Section as Section
 from .model.beams import Segment as Segment
 from .model.beams import SpreadJoint as SpreadJoint
+from .model.contour import Contour as Contour
 from .model.coordinates import Coordinate as Coordinate
 from .model.insertion import Insertion as Insertion
 from .model.insertion import insert as insert

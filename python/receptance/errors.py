@@ -38,8 +38,8 @@ EXTRAS = {
     "hdf5": ("h5py",),
     "sampling": ("emcee",),
     "dask": ("distributed",),
-    "drawing": ("ezdxf",),
     "sections": ("sectionproperties", "shapely"),
+    "drawing": ("ezdxf",),
 }
 """Modules of each extra of the package, as in `pip install 'receptance[sweep]'`."""
 

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import math
+import tempfile
+from itertools import pairwise
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import ezdxf
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import drawn_holder
 from receptance import drawing
 from receptance.drawing import DrawnContour
+from receptance.model.contour import Contour
 
 FINE = 1e-6
 TOLERANCE = 2e-5
@@ -228,6 +234,57 @@ def test_an_inclined_axis_is_followed(tmp_path: Path) -> None:
     assert np.array(read.contour.outer) == pytest.approx(np.array([(0.0, 0.02), (0.05, 0.02)]), abs=1e-9)
 
 
+rows_of_a_profile = st.lists(
+    st.tuples(st.floats(0.5, 30.0), st.floats(6.0, 30.0), st.floats(6.0, 30.0)), min_size=1, max_size=8
+)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    rows_of_a_profile,
+    st.booleans(),
+    st.floats(0.5, 5.5),
+    st.floats(-math.pi / 2.0 + 0.01, math.pi / 2.0),
+    st.randoms(use_true_random=False),
+)
+def test_any_profile_is_read_as_it_was_drawn(
+    rows: list[tuple[float, float, float]], half: bool, bore: float, angle: float, chance: Random
+) -> None:
+    """Frusta in a row as single lines in any order and direction, about an axis in any direction."""
+    outer: list[tuple[float, float]] = []
+    x = 0.0
+    for length, near, far in rows:
+        outer += [(x, near), (x + length, far)]
+        x += length
+    wall = [(0.0, 0.0), *outer, (x, 0.0)]
+    holes = [(0.0, bore), (0.4 * x, bore), (0.4 * x, 0.0)]
+    lines = [(chain, sign) for chain in (wall, [(0.0, 0.0), *holes]) for sign in ((1.0,) if half else (1.0, -1.0))]
+    document = ezdxf.new("R2010")
+    document.header["$INSUNITS"] = 4
+    c, s = math.cos(angle), math.sin(angle)
+
+    def placed(point: tuple[float, float], sign: float) -> tuple[float, float]:
+        return 11.0 + c * point[0] - s * sign * point[1], 7.0 + s * point[0] + c * sign * point[1]
+
+    edges = []
+    for layer, (chain, sign) in zip(("NOCUT",) * (len(lines) // 2) + ("BORE",) * (len(lines) // 2), lines, strict=True):
+        for start, end in pairwise(chain):
+            ends = [placed(start, sign), placed(end, sign)]
+            chance.shuffle(ends)
+            edges.append((layer, ends))
+    chance.shuffle(edges)
+    for layer, ends in edges:
+        document.modelspace().add_line(*ends, dxfattribs={"layer": layer})
+    document.modelspace().add_line(placed((0, 0), 1.0), placed((x, 0), 1.0), dxfattribs={"layer": "AXIS"})
+    with tempfile.TemporaryDirectory() as folder:
+        contour = drawing.read_contour(saved(document, Path(folder)), tolerance=FINE).contour
+    metres = [(1e-3 * x, 2e-3 * r) for x, r in outer]
+    expected = Contour(metres, [[(1e-3 * x, 2e-3 * r) for x, r in holes[:2]]])
+    assert contour.length == pytest.approx(expected.length, abs=1e-8)
+    assert contour.volume == pytest.approx(expected.volume, rel=1e-3)
+    assert contour.centre_of_gravity == pytest.approx(expected.centre_of_gravity, rel=1e-3)
+
+
 # CSV ------------------------------------------------------------------------------------------------------------------
 
 
@@ -262,7 +319,7 @@ def test_a_table_without_units_needs_one(tmp_path: Path) -> None:
 
 
 WRONG_TABLES = {
-    "x [mm],diamter [mm]\n0,20\n": 'line 1: column "diamter [mm]" is no known column',
+    "x [mm],height [mm]\n0,20\n": 'line 1: column "height [mm]" is no known column',
     "x [mm],diameter [N]\n0,20\n": "line 1",
     "x [mm]\n0\n": "line 1: has",
     "x [mm],diameter [mm],radius [mm]\n0,20,10\n": "line 1: has a diameter and a radius",

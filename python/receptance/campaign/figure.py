@@ -84,7 +84,7 @@ def _in_spindle(blank: Assembly, name: str) -> Assembly:
 def _shape(item: tuple[str, Any]) -> Any:
     name, element = item
     segments = getattr(element, "segments", ())
-    sizes = tuple((s.length, s.outer_diameter, s.inner_diameter, s.material.name) for s in segments)
+    sizes = tuple((s.length, s.ends, s.material.name) for s in segments)
     return name, sizes, getattr(element, "length", 0.0)
 
 

@@ -202,6 +202,8 @@ class Catalogue:
                             length=row.length,
                             outer_diameter=row.outer_diameter,
                             inner_diameter=row.inner_diameter,
+                            end_outer_diameter=row.end_outer_diameter,
+                            end_inner_diameter=row.end_inner_diameter,
                             # An unknown material was reported; with steel in its place dimensions are checked as well.
                             material=materials.get(row.material, STEEL),
                             core=materials.get(row.core, STEEL) if row.core else None,

@@ -98,6 +98,10 @@ class HolderRow:
     inner_diameter: Annotated[float, units.LENGTH_OR_ZERO] = 0.0
     core: str = ""
     """Name of the material that fills the bore; empty if there is none."""
+    end_outer_diameter: Annotated[float | None, units.LENGTH] = None
+    """Outer diameter at the far end of a cone; None for a cylinder."""
+    end_inner_diameter: Annotated[float | None, units.LENGTH_OR_ZERO] = None
+    """Bore at the far end of a cone; None for a cylindrical bore."""
 
 
 def read_tools(path: str | Path, *, notes: list[str] | None = None) -> list[ToolRow]:
@@ -206,8 +210,9 @@ def _contradictions(tool: ToolRow) -> Iterator[tuple[str, str]]:
 def read_holders(path: str | Path, *, notes: list[str] | None = None) -> dict[str, list[HolderRow]]:
     """Read holders from a CSV file with one segment in each row, in order from the tip-side end.
 
-    Columns: `holder`, `length [mm]`, `outer diameter [mm]`, `material`, and optionally `inner diameter [mm]` and
-    `core`, the material that fills the bore. See `read_tools` for parameters and errors.
+    Columns: `holder`, `length [mm]`, `outer diameter [mm]`, `material`, and optionally `inner diameter [mm]`, `core`,
+    the material that fills the bore, and for cones `end outer diameter [mm]` and `end inner diameter [mm]`. See
+    `read_tools` for parameters and errors.
     """
     holders: dict[str, list[HolderRow]] = {}
     for row in read_rows(path, HolderRow, symbols=HOLDER_SYMBOLS, notes=notes):

@@ -396,8 +396,11 @@ def _material(name: str, material: Material) -> str:
 def _segments(part: str, pieces: Iterable[HolderRow], kind: str) -> str:
     tables = []
     for piece in pieces:
-        segment = {key: mm(getattr(piece, key)) for key in SIZES if getattr(piece, key)}
-        tolerance = {key: text for key, text in _TOLERANCES[kind].items() if key in segment}
+        sizes = {key: getattr(piece, key) for key in SIZES}
+        # A bore may end in a point.
+        segment = {key: mm(size) for key, size in sizes.items() if size or (size == 0.0 and key.startswith("end_"))}
+        tolerances = _TOLERANCES[kind]
+        tolerance = {key: tolerances[key.removeprefix("end_")] for key in segment if sizes[key]}
         if piece.core:
             del tolerance["inner_diameter"]  # the bore is that of its core
         segment |= {key: getattr(piece, key) for key in ("material", "core") if getattr(piece, key)}

@@ -24,8 +24,20 @@ MATERIALS = {material.name: replace(material, loss_factor=0.001) for material in
 """Materials by name, with a small loss factor."""
 MATERIAL_NUMBERS = {key: field.quantity for key, field in Material.declared.items() if isinstance(field, Number)}
 """Quantities of a material."""
-SIZES = {"length": units.LENGTH, "outer_diameter": units.LENGTH, "inner_diameter": units.LENGTH_OR_ZERO}
-_PIECE = re.compile(r"(?:(?P<length>[^x×*]+?)\s*[x×*]\s*)?(?P<outer>[^/x×*]+?)\s*(?:/\s*(?P<inner>[^/x×*]+?)\s*)?")
+SIZES = {
+    "length": units.LENGTH,
+    "outer_diameter": units.LENGTH,
+    "inner_diameter": units.LENGTH_OR_ZERO,
+    "end_outer_diameter": units.LENGTH,
+    "end_inner_diameter": units.LENGTH_OR_ZERO,
+}
+_TO = r"(?<![eE\s])\s*[-–]\s*"
+"""Between the diameters at both ends of a cone; 5e-3 is one number."""
+_PIECE = re.compile(
+    r"(?:(?P<length>[^x×*]+?)\s*[x×*]\s*)?"
+    rf"(?P<outer>[^/x×*]+?)(?:{_TO}(?P<end_outer>[^/x×*–-]+?))?\s*"
+    rf"(?:/\s*(?P<inner>[^/x×*]+?)(?:{_TO}(?P<end_inner>[^/x×*–-]+?))?\s*)?"
+)
 _NUMBER = re.compile(units.NUMBER)
 _COMMA = re.compile(r"\d,\d")
 
@@ -33,7 +45,8 @@ _COMMA = re.compile(r"\d,\d")
 def parse_pieces(text: str, *, shank: bool = False) -> list[HolderRow]:
     """Return the pieces of a tool or a holder that are written as `LENGTH x DIAMETER/BORE`, separated by commas.
 
-    They are listed from the tip-side end on. A unit at the end of a piece applies to its numbers without a unit. With
+    They are listed from the tip-side end on. A cone has the diameters of both ends, `50-60` for 50 mm at the tip-side
+    end and 60 mm at the other, and so may have a bore. A unit at the end of a piece applies to its numbers without a unit. With
     `shank` the last piece has no length, which is zero, because it reaches to the holder. The message of an error
     begins with "is".
 
@@ -42,6 +55,9 @@ def parse_pieces(text: str, *, shank: bool = False) -> list[HolderRow]:
     >>> from receptance.cli.pieces import parse_pieces
     >>> [(piece.length, piece.outer_diameter, piece.inner_diameter) for piece in parse_pieces("48 mm x 50/20 mm")]
     [(0.048, 0.05, 0.02)]
+    >>> (cone,) = parse_pieces("48 mm x 50-60/20 mm")
+    >>> cone.outer_diameter, cone.end_outer_diameter, cone.inner_diameter, cone.end_inner_diameter
+    (0.05, 0.06, 0.02, None)
     """
     expected = 'pieces such as "48 mm x 50/20 mm, 90 mm x 44/16 mm" (length x outer diameter/bore)'
     if shank:
@@ -55,22 +71,42 @@ def parse_pieces(text: str, *, shank: bool = False) -> list[HolderRow]:
             problem = "has no length" if match and not is_shank else "is no shank" if is_shank else "is no piece"
             hint = "decimals are written with a point, and a comma with a blank separates pieces"
             raise ValueError(f"is {shown(text)}, where {shown(item)} {problem}, expected {expected}; {hint}")
-        numbers = [(match[name] or "").strip() for name in ("length", "outer", "inner")]
-        unit = next((rest for number in reversed(numbers) if (rest := _NUMBER.sub("", number, count=1).strip())), "")
-        length, outer, inner = (
-            parse(f"{number} {unit}".strip() if _NUMBER.fullmatch(number) else number, quantity) if number else 0.0
+        names = ("length", "outer", "inner", "end_outer", "end_inner")
+        numbers = [(match[name] or "").strip() for name in names]
+        in_order = [numbers[i] for i in (0, 1, 3, 2, 4)]
+        unit = next((rest for number in reversed(in_order) if (rest := _NUMBER.sub("", number, count=1).strip())), "")
+        length, outer, inner, end_outer, end_inner = (
+            parse(f"{number} {unit}".strip() if _NUMBER.fullmatch(number) else number, quantity) if number else None
             for number, quantity in zip(numbers, SIZES.values(), strict=True)
         )
-        if inner >= outer:
+        piece = _piece(length or 0.0, outer or 0.0, inner or 0.0, end_outer=end_outer, end_inner=end_inner)
+        if any(bore >= diameter for diameter, bore in _ends(piece)):
             raise ValueError(f"is {shown(text)}, where {shown(item)} has a bore that is not smaller than its diameter")
-        pieces.append(_piece(length, outer, inner))
+        pieces.append(piece)
     return pieces
 
 
-def _piece(length: float, outer: float, inner: float, material: str = "", core: str = "") -> HolderRow:
+def _piece(
+    length: float,
+    outer: float,
+    inner: float,
+    material: str = "",
+    core: str = "",
+    *,
+    end_outer: float | None = None,
+    end_inner: float | None = None,
+) -> HolderRow:
     return HolderRow(
-        holder="", line=0, length=length, outer_diameter=outer, inner_diameter=inner, material=material, core=core
+        holder="", line=0, length=length, outer_diameter=outer, inner_diameter=inner, material=material, core=core,
+        end_outer_diameter=end_outer, end_inner_diameter=end_inner,
     )
+
+
+def _ends(piece: HolderRow) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return outer diameter and bore at both ends of a piece."""
+    outer, inner = piece.end_outer_diameter, piece.end_inner_diameter
+    end = (piece.outer_diameter if outer is None else outer, piece.inner_diameter if inner is None else inner)
+    return (piece.outer_diameter, piece.inner_diameter), end
 
 
 def parse_holder(text: str) -> list[HolderRow]:
@@ -120,7 +156,15 @@ def _holders_of_toml(path: Path) -> dict[str, list[HolderRow]]:
         raise CampaignError.about(path, "has neither [[segments]] nor [[parts.NAME.segments]]")
     return {
         name: [
-            _piece(row.length, row.outer_diameter, row.inner_diameter, row.material, row.core or "")
+            _piece(
+                row.length,
+                row.outer_diameter,
+                row.inner_diameter,
+                row.material,
+                row.core or "",
+                end_outer=row.end_outer_diameter,
+                end_inner=row.end_inner_diameter,
+            )
             for row in part.segments
         ]
         for name, part in holders.items()
@@ -140,6 +184,8 @@ def inserted(holder: Sequence[HolderRow], insertion: float, shank: HolderRow) ->
             length=piece.length,
             outer_diameter=piece.outer_diameter,
             inner_diameter=piece.inner_diameter,
+            end_outer_diameter=piece.end_outer_diameter,
+            end_inner_diameter=piece.end_inner_diameter,
             material=STEEL,  # materials are names here
         )
         for piece in holder
@@ -161,7 +207,10 @@ def inserted(holder: Sequence[HolderRow], insertion: float, shank: HolderRow) ->
         replace(
             holder[origins[index]],
             length=segment.length,
+            outer_diameter=segment.outer_diameter,
             inner_diameter=segment.inner_diameter,
+            end_outer_diameter=segment.end_outer_diameter,
+            end_inner_diameter=segment.end_inner_diameter,
             core="" if segment.core is None else shank.material,
         )
         for index, segment in enumerate(made.holder.segments)

@@ -201,11 +201,18 @@ def as_rigid(part: Part) -> Part:
     return Part(stiff, name=part.name)
 
 
+_NODES, _HALVES = np.polynomial.legendre.leggauss(3)
+_SHARES, _WEIGHTS = (0.5 + 0.5 * _NODES).tolist(), (0.5 * _HALVES).tolist()
+"""Points and weights of the quadrature over a segment, as shares of its length."""
+
+
 def body_of(part: Part) -> Body:
     """Return mass, centre of gravity and moment of inertia of a rigid part.
 
-    A segment of mass m, length L and radius of gyration r of its section adds m (L^2 / 12 + r^2 + e^2), where e is its
-    distance from the centre of gravity. Cores are included.
+    With the mass per length m'(x) and the radius of gyration r(x) of the sections the inertia is the integral of
+    m' (r^2 + (x - centre)^2). Diameters are linear along a segment, so the integrands are polynomials of at most the
+    fourth degree, which Gauss-Legendre quadrature with three points integrates exactly. Cores are included, and a
+    section that is not a circle is that in the plane y.
 
     Examples
     --------
@@ -215,21 +222,25 @@ def body_of(part: Part) -> Body:
     >>> body_of(rod).centre
     0.1
     """
-    masses, middles, squared_radii = [], [], []
+    masses, places, inertias = [], [], []
     start = 0.0
     for segment in part.segments:
         core = segment.core.density if segment.core else 0.0
-        outer, inner = segment.outer_diameter**2, segment.inner_diameter**2
         ring = segment.material.density
-        # The square of the radius of gyration: second moments d^4 / 64 over areas d^2 / 4.
-        gyration = (ring * (outer**2 - inner**2) + core * inner**2) / (ring * (outer - inner) + core * inner) / 16.0
-        masses.append(segment.mass)
-        middles.append(start + 0.5 * segment.length)
-        squared_radii.append(segment.length**2 / 12.0 + gyration)
+        area, second_moment = 1.0, 1.0
+        if segment.shape is not None:
+            factors = segment.shape.factors("y", segment.shear)
+            area, second_moment = factors[0], factors[2]
+        for share, weight in zip(_SHARES, _WEIGHTS, strict=True):
+            outer, inner = (diameter**2 for diameter in segment.at(share))
+            length = weight * segment.length
+            masses.append(length * np.pi / 4.0 * (ring * (area * outer - inner) + core * inner))
+            inertias.append(length * np.pi / 64.0 * (ring * (second_moment * outer**2 - inner**2) + core * inner**2))
+            places.append(start + share * segment.length)
         start += segment.length
-    mass = sum(masses)
-    centre = sum(m * x for m, x in zip(masses, middles, strict=True)) / mass
-    inertia = sum(m * (r + (x - centre) ** 2) for m, x, r in zip(masses, middles, squared_radii, strict=True))
+    mass = float(sum(masses))
+    centre = float(np.dot(masses, places)) / mass
+    inertia = float(sum(inertias) + np.dot(masses, np.subtract(places, centre) ** 2))
     return Body(mass=mass, inertia=inertia, centre=centre)
 
 

@@ -217,7 +217,8 @@ def slenderness_of(model: Model) -> dict[str, float]:
     for name, observation, anatomy in zip(model.configuration_of, model.observations, model.anatomies, strict=True):
         if anatomy.joint and anatomy.tool:
             length = overhang_of(observation.assembly, anatomy)
-            diameter = observation.assembly.get(f"{length.rpartition('.')[0]}.outer_diameter")
+            # Of a conical shank the diameter at the joint.
+            (_, (diameter, _)) = observation.assembly.parts[anatomy.tool[-1]].segments[-1].ends
             ratios[name] = observation.assembly.get(length) / diameter
     return ratios
 

@@ -32,7 +32,7 @@ from receptance.diagnosis.changes import (
 )
 from receptance.diagnosis.joint_causes import JOINT_CAUSES
 from receptance.diagnosis.measurement_causes import MEASUREMENT_CAUSES
-from receptance.diagnosis.model import Model, UndecidableError, require_joint
+from receptance.diagnosis.model import Model, UndecidableError, of_thickness, require_joint
 from receptance.diagnosis.part_causes import (
     PART_CAUSES,
     longest_first_section,
@@ -168,7 +168,11 @@ def _section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
     for address in sorted(addresses):
         if not model.has(address):
             name = f"of {address.removesuffix('.outer_diameter')}"
-            yield Variant(name, partial(move, p["log_diameter"], {address: 1.0}, Scope()))
+            yield Variant(name, partial(_thicken, p["log_diameter"], address.removesuffix(".outer_diameter")))
+
+
+def _thicken(diameter: Parameter, section: str, model: Model) -> Model:
+    return move(diameter, of_thickness(model, section), Scope(), model)
 
 
 def _whole_section(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
@@ -221,7 +225,10 @@ def _change_piece(
         for index, (begin, end) in enumerate(itertools.pairwise(steps))
         if piece[0] - SAME_PLACE <= begin and (end <= piece[1] + SAME_PLACE or piece[1] == edges[-1])
     ]
-    return move(parameter, {f"{part}.segment[{index}].{field}": 1.0 for index in indices}, Scope(), cut)
+    moves: dict[str, float] = {}
+    for section in (f"{part}.segment[{index}]" for index in indices):
+        moves |= of_thickness(cut, section) if field == "outer_diameter" else {f"{section}.{field}": 1.0}
+    return move(parameter, moves, Scope(), cut)
 
 
 def _cut(model: Model, part: str, edges: Sequence[float]) -> Model:
@@ -290,7 +297,12 @@ def _make_conical(diameter: Parameter, model: Model) -> Model:
     for i in range(PIECES - 1):
         model, _ = model.split(tip, partial(_share, (i + 1) / PIECES))
     # The change of the diameter decreases from the tip to zero at the holder.
-    weights = {f"{tip}.segment[{i}].outer_diameter": 1.0 - (i + 0.5) / PIECES for i in range(PIECES)}
+    weights: dict[str, float] = {}
+    for i in range(PIECES):
+        diameters = of_thickness(model, f"{tip}.segment[{i}]")
+        # A cylinder has the change in its middle, a piece of a cone those at its ends.
+        shares = [(i + 0.5) / PIECES] if len(diameters) == 1 else [i / PIECES, (i + 1) / PIECES]
+        weights |= {address: 1.0 - share for address, share in zip(diameters, shares, strict=True)}
     return move(diameter, weights, Scope(), model)
 
 

@@ -34,7 +34,7 @@ from receptance.fit.unknowns import Prior, covered
 from receptance.model.addresses import check_motion
 from receptance.model.anatomy import Anatomy
 from receptance.model.assembly import Assembly
-from receptance.model.beams import Part, Section, SpreadJoint
+from receptance.model.beams import Part, Section, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import ColletJoint, GroundSpring, PointJoint, PointMass, Resonator
 
@@ -223,7 +223,7 @@ def _put_collet_between(p: Mapping[str, Parameter], model: Model) -> Model:
     if len(joints) > 1 or len(tools) > 1:
         raise IndescribableError("there are several joints between tool and holder, or several tools")
     (joint,), (tool,) = joints, tools
-    diameter = min(part.segments[-1].outer_diameter for part in model.parts(tool))
+    diameter = min(part.segments[-1].ends[1][0] for part in model.parts(tool))
 
     def halves(address: str) -> dict[str, float]:
         """Return a parameter of the joint as those of two equal springs: each is twice as stiff as both in series."""
@@ -286,6 +286,7 @@ def _spread_over(points: int | None, length: Parameter | None, slope: Parameter 
     spread = _spread_model(fixed, anatomy, points, whole=length is None)
     first, contact = f"{holder}.segment[0].length", f"{joint}.length"
     last = str(len(fixed.parts(tool)[0].segments) - 1)
+    owners = spread.observations
 
     def follow(address: str) -> dict[str, float]:
         """Return the parameters in the place of one: shank and sleeve of the joint are of tool and holder.
@@ -304,7 +305,13 @@ def _spread_over(points: int | None, length: Parameter | None, slope: Parameter 
         addresses = [address]
         if field and field != "length" and not field.startswith("core."):
             if part == tool and index in ("*", last):
-                addresses.append(f"{joint}.shank.{field}")
+                # The shank of a conical tool has the diameters at its end.
+                of_shank = field.removeprefix("end_")
+                if field == of_shank and any(
+                    covered(f"{tool}.segment[{last}].end_{field}", o.assembly) for o in owners
+                ):
+                    of_shank = ""
+                addresses += [f"{joint}.shank.{of_shank}"] if of_shank else []
             elif part == holder and index in ("*", "0") and field != "inner_diameter":
                 addresses.append(f"{joint}.sleeve.{field}")
         return dict.fromkeys(addresses, 1.0)
@@ -368,11 +375,17 @@ def _spread_joint(assembly: Assembly, anatomy: Anatomy, points: int | None, whol
     check_motion(SpreadJoint, assembly.motion, anatomy.joint)
     joint, tool, holder = (elements[name] for name in (anatomy.joint, anatomy.tool[-1], anatomy.holder[0]))
     last, first = tool.segments[-1], holder.segments[0]
-    bore = max(first.inner_diameter, last.outer_diameter)
+    _require_cylinder(first, anatomy.holder[0])
+    if not last.is_circular:
+        raise UndecidableError(f"the last segment of {anatomy.tool[-1]} is not circular, and the shank is to be")
+    # The shank continues with the section at the end of the tool.
+    (_, (shank_outer, shank_inner)) = last.ends
+    bore = max(first.inner_diameter, shank_outer)
     if bore >= first.outer_diameter:
         raise UndecidableError("the holder's mouth is narrower than the shank")
     fields = ("outer_diameter", "inner_diameter", "material", "shear")
     shank, sleeve = (Section(**{field: getattr(segment, field) for field in fields}) for segment in (last, first))
+    shank = replace(shank, outer_diameter=shank_outer, inner_diameter=shank_inner)
     sleeve = replace(sleeve, inner_diameter=bore)
     held = {name: getattr(joint, name) for name in (*_STIFFNESSES, *_DAMPINGS, "loss_factor")}
     length = first.length - START_LENGTH if whole else START_LENGTH
@@ -384,6 +397,16 @@ def _spread_joint(assembly: Assembly, anatomy: Anatomy, points: int | None, whol
     elements[anatomy.holder[0]] = Part(segments, name=anatomy.holder[0])
     attached = [_shift(point, anatomy, length) for point in named(assembly.attachments).values()]
     return Assembly(elements.values(), attached, motion=assembly.motion)
+
+
+def _require_cylinder(mouth: Segment, holder: str) -> None:
+    """Raise `UndecidableError` if the mouth of a holder has no sleeve that a spread joint describes."""
+    if mouth.is_conical or not mouth.is_circular:
+        what = "a cone" if mouth.is_conical else "not circular"
+        raise UndecidableError(
+            f"the first segment of {holder} is {what}, and the sleeve of a spread joint is a circular cylinder; "
+            f"describe the mouth of {holder} as a cylinder, or give the model a SpreadJoint"
+        )
 
 
 def _shift(point: _Placed, anatomy: Anatomy, length: float) -> _Placed:

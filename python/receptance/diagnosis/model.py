@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -19,7 +19,7 @@ from receptance.fit.unknowns import Law, Move, Tolerance, Unknown, covered
 from receptance.model.addresses import edges_of, place_on, points_of
 from receptance.model.anatomy import Anatomy, anatomy_of
 from receptance.model.assembly import Assembly
-from receptance.model.beams import Part
+from receptance.model.beams import Part, Segment
 from receptance.model.joints import GroundSpring, PointJoint, PointMass, Resonator
 from receptance.model.terminals import MODE_ADDRESS
 
@@ -340,7 +340,7 @@ class Model:
         """Return the model with a segment of a part divided at a position, and the index of the second piece.
 
         Unknowns, tolerances and conditions keep their meaning: those of the divided segment apply to both pieces, and
-        those of its length to the second one.
+        those of its length to the second one. The diameters between the pieces of a cone follow those of its ends.
 
         Parameters
         ----------
@@ -352,7 +352,8 @@ class Model:
         Raises
         ------
         IndescribableError
-            The position is not in the same segment of every assembly, or an unknown is of that segment alone.
+            The position is not in the same segment of every assembly, or an unknown is of that segment alone; or the
+            segment is a cone with an unknown diameter, or is not the same cone in every assembly.
         """
         place: Callable[[Part], float] = position if callable(position) else lambda own: position
         owners = [part_of(one.assembly, part) for one in self.owners(part)]
@@ -375,8 +376,9 @@ class Model:
 
         changed = self.map(change).with_shared_assemblies()
         single = all(len(one.segments) == 1 for one in self.parts(part))
-        unknowns = tuple(_renumber(unknown, part, index, single) for unknown in self.unknowns)
-        tolerances = tuple(replace(t, moves=_moves(t.moves, part, index)) for t in self.tolerances)
+        division = _division(part, index, zip(owners, (within for _, within in where), strict=True))
+        unknowns = tuple(_renumber(unknown, division, single) for unknown in self.unknowns)
+        tolerances = tuple(replace(t, moves=division.moves(t.moves, t.relative)) for t in self.tolerances)
         return replace(changed, unknowns=unknowns, tolerances=tolerances), index + 1
 
 
@@ -458,31 +460,123 @@ def _divide(assembly: Assembly, part: str, index: int, length: float) -> Assembl
     elements = named(assembly.elements)
     segments = list(elements[part].segments)
     whole = segments[index]
-    segments[index : index + 1] = [replace(whole, length=length), replace(whole, length=whole.length - length)]
+    share = length / whole.length
+    near, far = whole.between(0.0, share), whole.between(share, 1.0)
+    segments[index : index + 1] = [replace(near, length=length), replace(far, length=whole.length - length)]
     elements[part] = Part(segments, name=part)
     return Assembly(elements.values(), named(assembly.attachments).values(), motion=assembly.motion)
 
 
-def _pieces(address: str, part: str, index: int) -> tuple[str, ...]:
-    """Return the addresses that replace an address after segment `index` was divided."""
-    found = _SEGMENT.fullmatch(address)
-    if found is None or found[1] != part or int(found[2]) < index:
-        return (address,)
-    number, field = int(found[2]), found[3]
-    names = tuple(f"{part}.segment[{n}].{field}" for n in (number, number + 1))
-    return names if number == index and field != "length" else names[1:]
+@dataclass(frozen=True)
+class _Division:
+    """A segment that was divided, and what replaces the parameters of its part."""
+
+    part: str
+    index: int
+    cone: Segment | None = None
+    """The whole segment if it is a cone."""
+    share: float = 0.0
+    """Length of the first piece of a cone over that of the cone."""
+
+    def pieces(self, address: str) -> tuple[str, ...]:
+        """Return the addresses of the pieces that replace an address of a segment."""
+        match = _SEGMENT.fullmatch(address)
+        if match is None or match[1] != self.part or int(match[2]) < self.index:
+            return (address,)
+        number, field = int(match[2]), match[3]
+        names = tuple(f"{self.part}.segment[{n}].{field}" for n in (number, number + 1))
+        return names if number == self.index and field != "length" else names[1:]
+
+    def moves(self, moves: Mapping[str, float], relative: bool) -> dict[str, float]:
+        """Return the moves of the pieces that together are the moves of the whole, to first order."""
+        if self.cone is None:
+            return {piece: n for address, n in moves.items() for piece in self.pieces(address)}
+        return self._moves_of_cone(moves, relative, self.cone)
+
+    def is_size(self, address: str) -> bool:
+        """Return whether an address is that of a length or a diameter of the cone."""
+        return self.cone is not None and self._slopes(address, self.cone) is not None
+
+    def _moves_of_cone(self, moves: Mapping[str, float], relative: bool, cone: Segment) -> dict[str, float]:
+        changed: dict[str, float] = {}
+        for address, n in moves.items():
+            slopes = self._slopes(address, cone)
+            if slopes is None:
+                for piece in self.pieces(address):
+                    changed[piece] = changed.get(piece, 0.0) + n
+                continue
+            before = 1.0
+            if relative:
+                # d(log of a piece) = d(piece) / piece, where d(whole) = n whole; of a length, n times the second piece.
+                whole = _SEGMENT.fullmatch(address)[3]  # type: ignore[index]
+                before = (1.0 - self.share) * cone.length if whole == "length" else getattr(cone, whole)
+            for piece, (slope, value) in slopes.items():
+                ratio = slope * before / value if relative else slope
+                changed[piece] = changed.get(piece, 0.0) + n * ratio
+        return changed
+
+    def _slopes(self, address: str, cone: Segment) -> dict[str, tuple[float, float]] | None:
+        """Return derivatives and values of what changes with a length or a diameter of a cone; None for the others."""
+        match = _SEGMENT.fullmatch(address)
+        if match is None or match[1] != self.part or int(match[2]) != self.index:
+            return None
+        field, share = match[3], self.share
+        first, second = (f"{self.part}.segment[{n}]" for n in (self.index, self.index + 1))
+        ends = {"outer_diameter": "end_outer_diameter", "inner_diameter": "end_inner_diameter"}
+        ends = {near: far for near, far in ends.items() if getattr(cone, far) is not None}
+        if field == "length":
+            # The cut keeps its place, so that it is at a smaller share of a longer cone.
+            slopes = {f"{second}.length": (1.0, (1.0 - share) * cone.length)}
+            for near, far in ends.items():
+                start, end = getattr(cone, near), getattr(cone, far)
+                between = (-share * (end - start) / cone.length, (1.0 - share) * start + share * end)
+                slopes |= {f"{first}.{far}": between, f"{second}.{near}": between}
+            return slopes
+        for near, far in ends.items():
+            start, end = getattr(cone, near), getattr(cone, far)
+            middle = (1.0 - share) * start + share * end
+            if field == near:
+                between = (1.0 - share, middle)
+                return {f"{first}.{near}": (1.0, start), f"{first}.{far}": between, f"{second}.{near}": between}
+            if field == far:
+                between = (share, middle)
+                return {f"{first}.{far}": between, f"{second}.{near}": between, f"{second}.{far}": (1.0, end)}
+        return None
 
 
-def _moves(moves: Mapping[str, float], part: str, index: int) -> dict[str, float]:
-    return {piece: n for address, n in moves.items() for piece in _pieces(address, part, index)}
+def _division(part: str, index: int, places: Iterable[tuple[Part, float]]) -> _Division:
+    """Return the division of a segment at a distance from its start in each of some parts of one name."""
+    cones = {
+        (segment.length, segment.ends, within): segment
+        for owner, within in places
+        if (segment := owner.segments[index]).is_conical
+    }
+    if not cones:
+        return _Division(part, index)
+    if len(cones) > 1:
+        raise IndescribableError(f"{part}.segment[{index}] is a cone that differs between the assemblies")
+    (((length, _, within), cone),) = cones.items()
+    return _Division(part, index, cone, within / length)
 
 
-def _renumber(unknown: Unknown, part: str, index: int, single: bool) -> Unknown:
+def _renumber(unknown: Unknown, division: _Division, single: bool) -> Unknown:
     if isinstance(unknown, Move):
-        return replace(unknown, moves=_moves(unknown.moves, part, index))
-    pieces = _pieces(unknown.address, part, index)
+        return replace(unknown, moves=division.moves(unknown.moves, unknown.relative))
+    pieces = division.pieces(unknown.address)
+    if division.is_size(unknown.address):
+        raise IndescribableError(f"the unknown {unknown.name!r} is of a cone that is to be divided")
     if len(pieces) == 1:
         return replace(unknown, address=pieces[0], name=unknown.name)
     if single:
         return replace(unknown, address=re.sub(r"\[\d+\]", "[*]", unknown.address), name=unknown.name)
     raise IndescribableError(f"the unknown {unknown.name!r} is of a segment that is to be divided")
+
+
+def of_thickness(model: Model, section: str) -> dict[str, float]:
+    """Return equal relative moves of the outer diameters at both ends of a segment, for a thicker or a thinner one."""
+    ends = (f"{section}.outer_diameter", f"{section}.end_outer_diameter")
+    return {
+        address: 1.0
+        for address in ends
+        if address == ends[0] or any(covered(address, observation.assembly) for observation in model.observations)
+    }

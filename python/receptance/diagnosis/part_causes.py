@@ -14,6 +14,7 @@ from receptance.diagnosis.model import (
     Model,
     UndecidableError,
     far_end,
+    of_thickness,
     places_on,
     require_beams,
     require_joint,
@@ -34,7 +35,7 @@ from receptance.fit.unknowns import Prior, covered
 from receptance.model.addresses import edges_of
 from receptance.model.anatomy import overhang_of
 from receptance.model.assembly import Assembly
-from receptance.model.beams import Material, Part
+from receptance.model.beams import Material, Part, Segment
 from receptance.model.joints import PointMass
 from receptance.model.materials import MATERIAL_CLASSES, MaterialClass
 
@@ -131,7 +132,12 @@ def _tip_diameter(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]
 def _room_to_full_circle(model: Model) -> float:
     """Return the logarithm of the diameter of the last section over that of the first one, the smallest of all."""
     parts = model.parts(model.tip)
-    return min(math.log(part.segments[-1].outer_diameter / part.segments[0].outer_diameter) for part in parts)
+    return min(math.log(part.segments[-1].ends[1][0] / max(_outer_ends(part.segments[0]))) for part in parts)
+
+
+def _outer_ends(segment: Segment) -> tuple[float, float]:
+    (near, _), (far, _) = segment.ends
+    return near, far
 
 
 def _first_section(diameter: Parameter, length: Parameter, model: Model) -> Iterator[Variant]:
@@ -149,7 +155,7 @@ def _first_section(diameter: Parameter, length: Parameter, model: Model) -> Iter
 def _change_first_section(diameter: Parameter, model: Model) -> Model:
     if all(len(part.segments) == 1 for part in model.parts(model.tip)):
         raise IndescribableError("the tool has one section")
-    return model.plus(diameter.move({f"{model.tip}.segment[0].outer_diameter": 1.0}, relative=True))
+    return model.plus(diameter.move(of_thickness(model, f"{model.tip}.segment[0]"), relative=True))
 
 
 def longest_first_section(parts: Sequence[Part]) -> float:
@@ -170,7 +176,7 @@ def _add_first_section(diameter: Parameter, length: Parameter, low: float, model
     lower = 0.0 if low else min(length.lower, 0.1 * room)
     lengths = moved_step(divided, tip, low + TIP_STEP)
     moved = length.move(lengths, part=beyond, lower=lower, upper=room, start=0.5 * room)
-    return divided.plus(diameter.move({f"{tip}.segment[0].outer_diameter": 1.0}, relative=True), moved)
+    return divided.plus(diameter.move(of_thickness(divided, f"{tip}.segment[0]"), relative=True), moved)
 
 
 def _flexible(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:

@@ -255,7 +255,7 @@ def _drawn(sheet: Sheet, options: DrawingOptions, tolerance: float) -> DrawnCont
         side = "above" if body.sides == "above" else "below"
         notes.append(f"a half profile: only the side {side} the axis is drawn")
     tip = options.get("tip") or _assumed_tip(loops, frame, notes)
-    return _contour(body, tip, sheet, (*sheet.notes, *notes))
+    return _contour(body, tip, sheet, (*sheet.notes, *notes), tolerance)
 
 
 def _quoted(names: Sequence[str]) -> str:
@@ -368,7 +368,7 @@ def _assumed_tip(loops: dict[str, list[Loop]], frame: Frame, notes: list[str]) -
     return ends[0]
 
 
-def _contour(body: Revolved, tip: Tip, sheet: Sheet, notes: Sequence[str]) -> DrawnContour:
+def _contour(body: Revolved, tip: Tip, sheet: Sheet, notes: Sequence[str], tolerance: float) -> DrawnContour:
     """Return the contour of rings in m, from the tip on."""
     first, last = body.rings[0].start, body.rings[-1].end
     rings = body.rings
@@ -391,7 +391,7 @@ def _contour(body: Revolved, tip: Tip, sheet: Sheet, notes: Sequence[str]) -> Dr
             if before is None or max(before.inner) == 0.0:
                 bores.append([])
             bores[-1] += [metres(ring.start, ring.inner[0]), metres(ring.end, ring.inner[1])]
-    contour = Contour(_smoothed(outer), [_smoothed(bore) for bore in bores], owner="contour")
+    contour = Contour(_smoothed(outer), [_smoothed(bore) for bore in bores], tolerance=tolerance, owner="contour")
     return DrawnContour(contour, (*notes, *contour.notes))
 
 

@@ -524,8 +524,7 @@ def _element_tables(assembly: Assembly) -> list[Table]:
                         name if number == 0 else "",
                         number,
                         1e3 * segment.length,
-                        1e3 * segment.outer_diameter,
-                        1e3 * segment.inner_diameter,
+                        *(_in_mm(*diameters) for diameters in zip(*segment.ends, strict=True)),
                         _material(segment.material),
                         "" if segment.core is None else _material(segment.core),
                     )
@@ -545,6 +544,11 @@ def _element_tables(assembly: Assembly) -> list[Table]:
     if others:
         tables.append(Table("Joints and attachments, SI units", ("name", "kind", "values"), others))
     return tables
+
+
+def _in_mm(near: float, far: float) -> float | str:
+    """Return a diameter in mm, or those at both ends of a cone as text."""
+    return 1e3 * near if near == far else f"{1e3 * near:.4g} to {1e3 * far:.4g}"
 
 
 def _material(material: Material) -> str:

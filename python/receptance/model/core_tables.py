@@ -56,6 +56,9 @@ _END_OF = {"outer_diameter": "end_outer_diameter", "inner_diameter": "end_inner_
 """The diameters at the far end of a cone, by those at its near end."""
 _PLACES = {column.address: 2 + index for index, column in enumerate(Segment.layout) if column.address}
 """Columns of a segment's row by address."""
+_DIAMETERS = {*_END_OF, *_END_OF.values()}
+_UNIFORM = _PLACES["end_outer_diameter"] - 2
+"""Number of columns of a circular cylinder, without nodes."""
 _COLUMNS = {
     "segments": 2 + len(Segment.layout) + len(Factors._fields),
     "joints": 2 + len(PointJoint.layout),
@@ -107,15 +110,14 @@ class Flat:
     @cached_property
     def tables(self) -> Tables:
         """Tables of the core, read only because all calls share them."""
-        columns = dict(_COLUMNS)
         segments = self.rows["segments"]
-        if len(set(map(len, segments))) < 2:
-            # All are circular cylinders, or none is.
-            columns["segments"] = len(segments[0]) if segments else columns["segments"]
-        else:
-            segments = [row + [0.0] * (columns["segments"] - len(row)) for row in segments]
-        arrays = {name: np.array(rows, dtype=np.float64) for name, rows in {**self.rows, "segments": segments}.items()}
-        return Tables(**{name: constant(array.reshape(-1, columns[name])) for name, array in arrays.items()})
+        # The rows of circular cylinders are shorter, which stay so where there are no others.
+        columns = max(map(len, segments), default=_COLUMNS["segments"])
+        if columns > min(map(len, segments), default=columns):
+            segments = [row + [0.0] * (columns - len(row)) for row in segments]
+        arrays = [constant(np.array(rows, dtype=np.float64).reshape(-1, _COLUMNS[name]))
+                  for name, rows in self.rows.items() if name != "segments"]  # fmt: skip
+        return Tables(constant(np.array(segments, dtype=np.float64).reshape(-1, columns)), *arrays)
 
     def add(
         self,
@@ -294,28 +296,37 @@ def _add_part(flat: Flat, name: str, part: Part, node: int) -> int:
     start = 0.0
     flat.nodes[name, start] = node
     pieces: list[_Pieces] = []
+    positions = flat.positions.get(name, ())
     for segment in part.segments:
         end = start + segment.length
-        inside = [x for x in flat.positions.get(name, ()) if start < x < end]
+        inside = [x for x in positions if start < x < end]
         cuts = [start, *inside, end]
-        pieces.append(_Pieces(segment, [(x - start) / segment.length for x in cuts[:-1]] + [1.0], []))
+        # The length and the end of a segment that is not split are not rounded.
+        shares = [(x - start) / segment.length for x in cuts[:-1]] + [1.0] if inside else [0.0, 1.0]
+        piece = _Pieces(segment, shares, [])
+        pieces.append(piece)
         for number, (left, right) in enumerate(pairwise(cuts)):
             far = flat.new_node()
-            # The length of a segment that is not split is not rounded.
-            length = right - left if inside else segment.length
-            pieces[-1].rows.append(flat.add("segments", (node, far), pieces[-1].columns(number, length, plane)))
+            columns = piece.columns(number, right - left if inside else segment.length, plane)
+            piece.rows.append(flat.add("segments", (node, far), columns))
             flat.nodes[name, right] = node = far
         start = end
-    for i, segment in enumerate(part.segments):
+    split = [(number, piece) for number, piece in enumerate(pieces) if len(piece.rows) > 1]
+    for i, (segment, _, rows) in enumerate(pieces):
+        values, conical = segment.columns, segment.is_conical
         for address, column in segment.places.items():
-            entries = pieces[i].entries(address)
+            parameter = f"{name}.segment[{i}].{address}"
+            if conical or address == "length":
+                entries = pieces[i].entries(address)
+            else:
+                entries = [(_SEGMENTS, row, 2 + column, 1.0) for row in rows]
             if address == "length":
                 # Positions are measured from the start of the part, so the cuts do not move: the last piece of this
                 # segment grows, and in each later segment the first piece shrinks and the last one grows.
-                for later in pieces[i + 1 :]:
-                    entries += later.entries_of_start()
-            parameter = f"{name}.segment[{i}].{address}"
-            flat.entries[parameter], flat.values[parameter] = entries, segment.columns[column]
+                for number, later in split:
+                    if number > i:
+                        entries += later.entries_of_start()
+            flat.entries[parameter], flat.values[parameter] = entries, values[column]
     return node
 
 
@@ -331,10 +342,9 @@ class _Pieces(NamedTuple):
     def columns(self, number: int, length: float, plane: Plane) -> list[float]:
         """Return the columns of a piece without nodes."""
         segment = self.segment
-        columns = list(segment.columns)
-        columns[0] = length
-        if segment.is_circular and not segment.is_conical:
-            return columns[: _PLACES["end_outer_diameter"] - 2]
+        if segment.shape is None and not segment.is_conical:
+            return [length, *segment.columns[1:_UNIFORM]]
+        columns = [length, *segment.columns[1:]]
         columns += segment.shape_columns(plane)
         if segment.is_conical:
             for shift, share in enumerate(self.shares[number : number + 2]):
@@ -348,9 +358,11 @@ class _Pieces(NamedTuple):
         column = _PLACES[address]
         if address == "length":
             # A cut lies at a smaller share of a longer segment.
+            if not self.segment.is_conical:
+                return [(_SEGMENTS, self.rows[-1], column, 1.0)]
             moved = self._moved([-share / self.segment.length for share in self.shares[:-1]] + [0.0])
             return [(_SEGMENTS, self.rows[-1], column, 1.0), *moved]
-        if not self.segment.is_conical or address not in (*_END_OF, *_END_OF.values()):
+        if not self.segment.is_conical or address not in _DIAMETERS:
             return [(_SEGMENTS, row, column, 1.0) for row in self.rows]
         near = address if address in _END_OF else next(key for key, end in _END_OF.items() if end == address)
         # The diameter at each cut is (1 - share) that of the near end + share that of the far end; where no diameter is
@@ -360,9 +372,7 @@ class _Pieces(NamedTuple):
         return self._at_cuts(near, weights)
 
     def entries_of_start(self) -> list[Entry]:
-        """Return the entries that a shift of the start of the segment changes, the places of the cuts being fixed."""
-        if len(self.rows) == 1:
-            return []
+        """Return the entries that a shift of the start of the segment changes, its cuts staying in place."""
         column = _PLACES["length"]
         inner = [-1.0 / self.segment.length] * (len(self.shares) - 2)
         first, last = (_SEGMENTS, self.rows[0], column, -1.0), (_SEGMENTS, self.rows[-1], column, 1.0)

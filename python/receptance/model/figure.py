@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Patch, Polygon
 
 from receptance.model.addresses import ChainElement, place_on, points_of
 from receptance.model.assembly import Assembly
@@ -32,6 +33,8 @@ _SIZE = 8.5
 _FILLS = ("#C9D3DC", "#8E9AA6", "#E3D3B4", "#B9CDB5", "#D8BFD0")
 """Fills of materials in the order in which they occur."""
 _MM = 1e3
+_MOST_LABELLED = 20
+"""Most segments of a part that are labelled; a part of more, as from a contour, has the labels of its ends."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +63,10 @@ def draw_assembly(assembly: Assembly, ax: Axes | None = None) -> Figure:
 def draw_assemblies(drawings: Sequence[Drawing], ax: Axes | None = None, *, title: str = "") -> Figure:
     """Draw assemblies below each other, all to the same scale, in mm from the tip.
 
-    Segments are drawn in section: bores are white, or have the fill of the material in them. Below are the lengths of
-    segments and the names of parts, above the diameters (outer/inner) and the names of joints, attachments and points
-    of measurement.
+    Segments are drawn in section, cones as trapezoids: bores are white, or have the fill of the material in them. Below
+    are the lengths of segments and the names of parts, above the diameters (outer/inner, of cones those of both ends)
+    and the names of joints, attachments and points of measurement. A part of many segments has its length and the
+    diameters of its ends.
     """
     longest = max(_extent(drawing.assembly) for drawing in drawings)
     fills: dict[str, str] = {}
@@ -131,7 +135,8 @@ def _spindle_length(assembly: Assembly) -> float:
 
 def _largest(assembly: Assembly) -> float:
     """Return the largest outer diameter in mm."""
-    return _MM * max(segment.outer_diameter for part in assembly.parts.values() for segment in part.segments)
+    segments = [segment for part in assembly.parts.values() for segment in part.segments]
+    return _MM * max(outer for segment in segments for outer, _ in segment.ends)
 
 
 class _LabelRows:
@@ -165,6 +170,31 @@ class _LabelRows:
         return self._start + len(self._taken) * self._step
 
 
+class _Body(NamedTuple):
+    """A body of revolution in mm, a cylinder or a cone."""
+
+    x: float
+    length: float
+    near: float
+    """Radius at x."""
+    far: float
+    """Radius at the other end."""
+    fill: str
+    hatch: str = ""
+    edge: float = 0.8
+    """Width of the outline in points."""
+
+    def corners(self) -> list[tuple[float, float]]:
+        """Return the corners of the section, counterclockwise from that below x."""
+        end = self.x + self.length
+        return [(self.x, -self.near), (end, -self.far), (end, self.far), (self.x, self.near)]
+
+    def radius_at(self, x: float) -> float:
+        """Return the radius at a place in it."""
+        share = (x - self.x) / self.length
+        return self.near + min(max(share, 0.0), 1.0) * (self.far - self.near)
+
+
 @dataclass(frozen=True)
 class _Label:
     """A text with its centre, and the point to which its leader goes."""
@@ -184,8 +214,7 @@ class _Sketch:
         gap = 0.12 * scale
         self.above = _LabelRows(self.radius + gap, _ROW * scale, scale, ends)
         self.below = _LabelRows(-self.radius - gap, -_ROW * scale, scale, ends)
-        self.rectangles: list[tuple[float, float, float, float, str, str]] = []
-        """x, y, width, height, fill, hatch."""
+        self.bodies: list[_Body] = []
         self.joints: list[tuple[float, float, float]] = []
         """x, length, radius."""
         self.labels: list[_Label] = []
@@ -213,15 +242,16 @@ class _Sketch:
                 self._add_part(x, element)
                 names.append((x, x + length, name))
             elif isinstance(element, SpreadJoint):
-                self._add_section(x, length, element.sleeve)
-                self._add_section(x, length, element.shank)
+                for section in (element.sleeve, element.shank):
+                    diameters = (section.outer_diameter, section.inner_diameter)
+                    self._add_section(x, length, section, (diameters, diameters))
                 self._label_below(x, length, f"{length:.4g}")
                 half = 0.5 * _MM * element.shank.outer_diameter
                 self.joints.append((x, length, half))
                 joints.append((x + 0.5 * length, name, half))
             elif element.role == "spindle":
                 width = _spindle_length(assembly)
-                self.rectangles.append((x, -self.radius, width, 2.0 * self.radius, "white", "////"))
+                self.bodies.append(_Body(x, width, self.radius, self.radius, "white", "////"))
                 names.append((x, x + width, name))
             else:
                 half = self._radius_at(x)
@@ -238,28 +268,41 @@ class _Sketch:
             self._add_mark(mark)
 
     def _add_part(self, x: float, part: Part) -> None:
+        start, are_labelled = x, len(part.segments) <= _MOST_LABELLED
         for segment in part.segments:
             length = _MM * segment.length
-            self._add_section(x, length, segment)
-            bore = f"/{_MM * segment.inner_diameter:.4g}" if segment.inner_diameter else ""
-            text = f"ø{_MM * segment.outer_diameter:.4g}{bore}"
-            self._label(x + 0.5 * length, 0.5 * _MM * segment.outer_diameter, text, INK)
-            self._label_below(x, length, f"{length:.4g}")
+            self._add_section(x, length, segment, segment.ends, 0.8 if are_labelled else 0.2)
+            if are_labelled:
+                self._label(x + 0.5 * length, 0.5 * _MM * segment.at(0.5)[0], _diameters(segment), INK)
+                self._label_below(x, length, f"{length:.4g}")
             x += length
+        if not are_labelled:
+            for at, (outer, inner) in ((start, part.segments[0].ends[0]), (x, part.segments[-1].ends[1])):
+                bore = f"/{_MM * inner:.4g}" if inner else ""
+                self._label(at, 0.5 * _MM * outer, f"ø{_MM * outer:.4g}{bore}", INK)
+            self._label_below(start, x - start, f"{x - start:.4g}")
 
-    def _add_section(self, x: float, length: float, section: Segment | Section) -> None:
-        outer, inner = _MM * section.outer_diameter, _MM * section.inner_diameter
-        self.rectangles.append((x, -0.5 * outer, length, outer, self._fill(section.material), ""))
-        if inner:
+    def _add_section(
+        self,
+        x: float,
+        length: float,
+        section: Segment | Section,
+        ends: tuple[tuple[float, float], tuple[float, float]],
+        edge: float = 0.8,
+    ) -> None:
+        (outer, inner), (end_outer, end_inner) = ends
+        half = 0.5 * _MM
+        self.bodies.append(_Body(x, length, half * outer, half * end_outer, self._fill(section.material), "", edge))
+        if inner or end_inner:
             fill = self._fill(section.core) if section.core is not None else "white"
-            self.rectangles.append((x, -0.5 * inner, length, inner, fill, ""))
+            self.bodies.append(_Body(x, length, half * inner, half * end_inner, fill, "", edge))
 
     def _fill(self, material: Material) -> str:
         return self.fills.setdefault(material.name, _FILLS[len(self.fills) % len(_FILLS)])
 
     def _radius_at(self, x: float) -> float:
         """Return the radius of a point joint: that of the slimmer of its neighbours, but visible."""
-        near = [abs(y) for left, y, width, _, _, _ in self.rectangles if left - 1e-9 <= x <= left + width + 1e-9]
+        near = [body.radius_at(x) for body in self.bodies if body.x - 1e-9 <= x <= body.x + body.length + 1e-9]
         return max(near, default=self.radius)
 
     def _label(self, x: float, y: float, text: str, colour: str) -> None:
@@ -275,13 +318,14 @@ class _Sketch:
         """Return position and radius of a point in mm."""
         elements = self.drawing.assembly.elements
         name, along = place_on(elements, "drawing", part, position)
-        x, edge = 0.0, 0.0
+        radius, edge = 0.0, 0.0
         for segment in elements[name].segments:  # type: ignore[union-attr]
+            share = min((along - edge) / segment.length, 1.0)
+            radius = 0.5 * _MM * segment.at(share)[0]
             edge += segment.length
-            x = 0.5 * _MM * segment.outer_diameter
             if along < edge - 1e-9:
                 break
-        return self.starts[name] + _MM * along, x
+        return self.starts[name] + _MM * along, radius
 
     def _add_attachments(self) -> None:
         assembly = self.drawing.assembly
@@ -336,10 +380,9 @@ class _Sketch:
         over = 0.3 * self.ends[0]
         axis = ([over, _extent(self.drawing.assembly) - over], [0.0, 0.0])
         axes.plot(*axis, color=PALE, linewidth=0.6, linestyle=(0, (8, 3, 1, 3)), zorder=3)
-        for x, y, width, height, fill, hatch in self.rectangles:
-            axes.add_patch(
-                Rectangle((x, y), width, height, facecolor=fill, edgecolor=INK, linewidth=0.8, hatch=hatch, zorder=2)
-            )
+        for body in self.bodies:
+            style = {"facecolor": body.fill, "edgecolor": INK, "linewidth": body.edge, "hatch": body.hatch, "zorder": 2}
+            axes.add_patch(Polygon(body.corners(), closed=True, **style))
         for x, length, half in self.joints:
             for side in (-half, half) if length else (0.0,):
                 ends = ([x, x + length], [side, side]) if length else ([x, x], [-half, half])
@@ -358,6 +401,15 @@ class _Sketch:
         marker = {"response": "^", "mass": "s", "ground": "^"}[kind]
         offset = 0.045 * self.scale * (1.0 if y > 0.0 else -1.0)
         axes.plot([x], [y + offset], marker=marker, color=colour, markersize=6, zorder=7, linestyle="none")
+
+
+def _diameters(segment: Segment) -> str:
+    """Return the outer diameter and that of the bore in mm, both ends of a cone."""
+    outer, inner = (
+        f"{_MM * near:.4g}" if near == far else f"{_MM * near:.4g}–{_MM * far:.4g}"
+        for near, far in zip(*segment.ends, strict=True)
+    )
+    return f"ø{outer}{'' if inner == '0' else f'/{inner}'}"
 
 
 def _grams(mass: float) -> str:

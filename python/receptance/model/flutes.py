@@ -29,7 +29,7 @@ _STOUTEST = 1.25
 """Smallest ratio of the radii of back and flute."""
 _BACK_POINTS, _FLUTE_POINTS = 200, 120
 """Number of points on all backs and in all flutes."""
-_FEWEST = 8
+_FEWEST = 12
 """Smallest number of points of an arc."""
 
 

@@ -68,18 +68,17 @@ def mesh_of(outline: Outline, spacing: float) -> Mesh:
 
     Raises
     ------
-        MeshError
-            The triangles do not cover the section, as with very sharp corners.
+    MeshError
+        The triangles do not cover the section, as with very sharp corners.
 
     Examples
     --------
-        >>> from receptance.model.meshing import mesh_of
-        >>> from receptance.errors import require
-    from receptance.model.outlines import checked_outline
-        >>> square = checked_outline("bar", [(0, 0), (0.02, 0), (0.02, 0.02), (0, 0.02)])
-        >>> mesh = mesh_of(square, 0.005)
-        >>> mesh.triangles.shape[1]
-        6
+    >>> from receptance.model.meshing import mesh_of
+    >>> from receptance.model.outlines import checked_outline
+    >>> square = checked_outline("bar", [(0, 0), (0.02, 0), (0.02, 0.02), (0, 0.02)])
+    >>> mesh = mesh_of(square, 0.005)
+    >>> mesh.triangles.shape[1]
+    6
     """
     area = sum(signed_area(ring) for ring in outline.rings)
     rings = [_divided(ring, spacing) for ring in outline.rings]

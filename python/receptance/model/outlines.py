@@ -184,7 +184,7 @@ def _ring(owner: str, points: Any, unit: str) -> Points:
     if same.size:
         index = int(same[0])
         raise ValueError(f"{owner}[{index + 1}] repeats the point before it, {_text(array[index], unit)}; leave it out")
-    if abs(signed_area(array)) <= _SAME * size**2:
+    if np.linalg.svd(array - array.mean(axis=0), compute_uv=False)[1] <= _SAME * size:
         raise ValueError(f"{owner} enclose no area: all are on a line")
     return array
 

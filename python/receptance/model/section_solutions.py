@@ -11,7 +11,7 @@ import numpy as np
 from receptance.errors import MissingExtraError, warn_user
 from receptance.model.meshing import MeshError, mesh_by_sectionproperties, mesh_of, spacing_for
 from receptance.model.outlines import Moments, Outline, moments, signed_area
-from receptance.model.warping import Flexibility, Warping, averaged, warping
+from receptance.model.warping import Flexibility, Warping, mean_of_planes, warping
 
 _ISOTROPIC = 1e-7
 """Relative difference of the principal second moments below which they are taken for equal."""
@@ -65,7 +65,7 @@ def _solution(rings: tuple[bytes, ...]) -> Solution:
     cowper, hutchinson = result.cowper, result.hutchinson
     if isotropic:
         principal = (mean, mean)
-        cowper, hutchinson = averaged(cowper), averaged(hutchinson)
+        cowper, hutchinson = mean_of_planes(cowper), mean_of_planes(hutchinson)
     return Solution(exact.area, exact.centroid, principal, angle, result.torsion, cowper, hutchinson)
 
 

@@ -24,7 +24,7 @@ from receptance.errors import warn_user
 from receptance.model.flutes import checked_flutes, fluted_outline
 from receptance.model.outlines import Outline, checked_outline
 from receptance.model.section_solutions import solution_of
-from receptance.model.warping import Flexibility, averaged
+from receptance.model.warping import Flexibility, mean_of_planes
 
 Plane = Literal["x", "y", "mean"]
 """Plane of the deflection, or the average of both."""
@@ -335,7 +335,7 @@ class SectionShape:
             diameter=float(diameter),
             name=name or f"{number} flutes, core {1e3 * core_diameter:.4g} of {1e3 * diameter:.4g} mm",
         )
-        return shape if straight or number > 2 else shape.turning()
+        return shape if straight or number > 2 else shape.averaged()
 
     @classmethod
     def _of(cls, outline: Outline, *, name: str = "", diameter: float | None = None) -> SectionShape:
@@ -360,13 +360,13 @@ class SectionShape:
             name=name,
         )
 
-    def turning(self) -> SectionShape:
+    def averaged(self) -> SectionShape:
         """Return the shape with the averages of both planes, as of a section that turns along a helix; see `factors`.
 
         Examples
         --------
         >>> from receptance import SectionShape
-        >>> twisted = SectionShape.rectangle(0.02, 0.01).turning()
+        >>> twisted = SectionShape.rectangle(0.02, 0.01).averaged()
         >>> [round(twisted.factors("x").moment, 3), round(twisted.factors("x").inertia, 3)]
         [0.217, 0.34]
         """
@@ -376,15 +376,15 @@ class SectionShape:
             self,
             moment=(moment, moment),
             inertia=(inertia, inertia),
-            cowper=averaged(self.cowper),
-            hutchinson=averaged(self.hutchinson),
+            cowper=mean_of_planes(self.cowper),
+            hutchinson=mean_of_planes(self.hutchinson),
             angle=0.0,
         )
 
     @property
     def bending_diameter(self) -> float:
         """Diameter in m of the solid cylinder with the same bending stiffness, the mean of both planes."""
-        return float(self.diameter * self.turning().moment[0] ** 0.25)
+        return float(self.diameter * self.averaged().moment[0] ** 0.25)
 
     @property
     def area_m2(self) -> float:
@@ -440,8 +440,8 @@ class SectionShape:
         _checks.one_of("SectionShape.factors", "shear", shear, Shear)
         flexibilities = self.cowper if shear == "cowper" else self.hutchinson
         if plane == "mean":
-            average = self.turning()
-            moment, inertia, (p0, p1, p2) = average.moment[0], average.inertia[0], averaged(flexibilities)[0]
+            average = self.averaged()
+            moment, inertia, (p0, p1, p2) = average.moment[0], average.inertia[0], mean_of_planes(flexibilities)[0]
         else:
             axis = self._axis(plane)
             moment, inertia, (p0, p1, p2) = self.moment[axis], self.inertia[axis], flexibilities[axis]
@@ -469,33 +469,8 @@ class SectionShape:
             inertia=self.inertia[::-1],
             cowper=self.cowper[::-1],
             hutchinson=self.hutchinson[::-1],
-            angle=-self.angle,
             outline=around[0],
             holes=around[1:],
-        )
-
-    def averaged(self) -> SectionShape:
-        """Return the shape with the average of both planes in either, for a section that turns or lies anyhow.
-
-        Compliances are averaged as by ``factors("mean")``.
-
-        Examples
-        --------
-        >>> from receptance import SectionShape
-        >>> SectionShape.rectangle(0.02, 0.01).averaged().is_isotropic
-        True
-        """
-        mean, other = self.factors("mean"), self.hutchinson
-        second = tuple(0.5 * (x + y) for x, y in zip(*other, strict=True))
-        hutchinson = (second[0], second[1], second[2])
-        cowper = (mean.p0, mean.p1, mean.p2)
-        return replace(
-            self,
-            moment=(mean.moment, mean.moment),
-            inertia=(mean.inertia, mean.inertia),
-            cowper=(cowper, cowper),
-            hutchinson=(hutchinson, hutchinson),
-            angle=0.0,
         )
 
     def _axis(self, plane: Plane) -> int:

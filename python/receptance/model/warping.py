@@ -105,13 +105,13 @@ def warping(mesh: Mesh) -> Warping:
     return Warping(torsion * size**4, (cowper_x, cowper_y), (hutchinson_x, hutchinson_y), (energy_x, energy_y))
 
 
-def averaged(pair: tuple[Flexibility, Flexibility]) -> tuple[Flexibility, Flexibility]:
+def mean_of_planes(pair: tuple[Flexibility, Flexibility]) -> tuple[Flexibility, Flexibility]:
     """Return the mean of the flexibilities of both planes, twice.
 
     Examples
     --------
-    >>> from receptance.model.warping import averaged
-    >>> averaged(((1.2, 0.0, 0.0), (1.0, 0.0, 0.0)))[0]
+    >>> from receptance.model.warping import mean_of_planes
+    >>> mean_of_planes(((1.2, 0.0, 0.0), (1.0, 0.0, 0.0)))[0]
     (1.1, 0.0, 0.0)
     """
     p0, p1, p2 = (0.5 * (x + y) for x, y in zip(*pair, strict=True))

@@ -217,7 +217,7 @@ class Menu:
             return None
         elements = measured.assembly.elements
         parts = [measured.assembly.parts[name] for name in anatomy.holder]
-        diameter = parts[-1].segments[-1].outer_diameter
+        (_, (diameter, _)) = parts[-1].segments[-1].ends
         length = sum(segment.length for part in parts for segment in part.segments)
         blank = Part([Segment(length=length, outer_diameter=diameter, material=STEEL)], name="gauge_blank")
         end = replace(elements[anatomy.end], name=anatomy.end)
