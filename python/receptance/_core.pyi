@@ -3,11 +3,11 @@
 Use `receptance.Assembly` and `receptance.Part` instead. Tables are C-contiguous float64, one row an element, nodes as
 whole numbers:
 
-segments (n, 23), or (n, 14) if all are circular cylinders: node a, node b (x larger), length, outer diameter, inner diameter, youngs_modulus, density,
-    poisson_ratio, loss_factor, the same four of the core (density 0: none), shear model (0 Cowper, 1 Hutchinson), outer
-    and inner diameter at node b (0: a cylinder), area, second moment of area of the stiffness, that of the rotary
-    inertia, and torsion constant over those of the circle (0: a circle or ring), and a, b, c of the reciprocal shear
-    coefficient a + b s + c s^2, s = nu / (1 + nu);
+segments (n, 23), or (n, 14) if all are circular cylinders: node a, node b (x larger), length, outer diameter, inner
+    diameter, youngs_modulus, density, poisson_ratio, loss_factor, the same four of the core (density 0: none), shear
+    model (0 Cowper, 1 Hutchinson), outer and inner diameter at node b (0: a cylinder), area, second moment of area of
+    the stiffness, that of the rotary inertia, and torsion constant over those of the circle (0: a circle or ring), and
+    a, b, c of the reciprocal shear coefficient a + b s + c s^2, s = nu / (1 + nu);
 joints (n, 2 + p): node a, node b, then the p parameters of a `PointJoint` in the order of its fields;
 masses (n, 3): node, mass, inertia;
 grounds (n, 1 + p): node, then as a joint;

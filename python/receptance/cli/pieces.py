@@ -97,8 +97,15 @@ def _piece(
     end_inner: float | None = None,
 ) -> HolderRow:
     return HolderRow(
-        holder="", line=0, length=length, outer_diameter=outer, inner_diameter=inner, material=material, core=core,
-        end_outer_diameter=end_outer, end_inner_diameter=end_inner,
+        holder="",
+        line=0,
+        length=length,
+        outer_diameter=outer,
+        inner_diameter=inner,
+        material=material,
+        core=core,
+        end_outer_diameter=end_outer,
+        end_inner_diameter=end_inner,
     )
 
 

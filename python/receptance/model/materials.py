@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 from receptance._text import instead_of, shown
 from receptance.model.beams import CARBIDE, STEEL, Material
@@ -394,7 +393,32 @@ _GRADES = (
         "EN 12164 grade, makers' data sheets (96 to 100 GPa)",
     ),
 )
-MATERIALS: Mapping[str, Grade] = MappingProxyType({grade.name: grade for grade in _GRADES})
+
+
+class Grades(Mapping[str, Grade]):
+    """Materials by name, read only.
+
+    Examples
+    --------
+    >>> from receptance import MATERIALS
+    >>> "steel" in MATERIALS
+    True
+    """
+
+    def __init__(self, grades: Iterable[Grade]) -> None:
+        self._by_name = {grade.name: grade for grade in grades}
+
+    def __getitem__(self, name: str) -> Grade:
+        return self._by_name[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._by_name)
+
+    def __len__(self) -> int:
+        return len(self._by_name)
+
+
+MATERIALS = Grades(_GRADES)
 """Listed materials by name; `grade` also has cemented carbide with any share of cobalt."""
 
 
