@@ -43,12 +43,41 @@ def element(
     return k, m
 
 
+def cone(
+    length: float, near: tuple[float, float], far: tuple[float, float], count: int = 100
+) -> list[tuple[float, float, float]]:
+    """Return thin cylinders for a cone from outer and inner diameter at one end to those at the other end."""
+    shares = (np.arange(count) + 0.5) / count
+    outer, inner = ((1.0 - shares) * a + shares * b for a, b in zip(near, far, strict=True))
+    return [(length / count, float(d), float(i)) for d, i in zip(outer, inner, strict=True)]
+
+
+def coupled(
+    tool: list[tuple[float, float, float]],
+    holder: list[tuple[float, float, float]],
+    joint: tuple[float, float, float, float],
+    lines: NDArray[np.float64],
+    loss: float = 0.0,
+) -> NDArray[np.complex128]:
+    """Return y at the tip due to a force there, of a tool on a joint (k_y, k_theta, c_y, c_theta) in a free holder."""
+    w = 2.0 * np.pi * lines
+    k_y, k_theta, c_y, c_theta = joint
+    spring = np.zeros((len(lines), 2, 2), np.complex128)
+    spring[:, 0, 0], spring[:, 1, 1] = 1.0 / (k_y + 1j * w * c_y), 1.0 / (k_theta + 1j * w * c_theta)
+    end = 2 * len(tool)
+    of_tool = receptance(tool, [], lines, [0, end, end + 1], loss=loss)
+    of_holder = receptance(holder, [], lines, [0, 1], loss=loss)
+    inner = np.linalg.solve(of_tool[:, 1:, 1:] + of_holder + spring, of_tool[:, 1:, :1])
+    return of_tool[:, 0, 0] - (of_tool[:, :1, 1:] @ inner)[:, 0, 0]
+
+
 def receptance(
     pieces: list[tuple[float, float, float]],
     springs: list[tuple[int, float, float]],
     lines: NDArray[np.float64],
     ends: list[int],
     each: float = 0.0025,
+    loss: float = 0.0,
 ) -> NDArray[np.complex128]:
     """Return the receptance `(n, k, k)` between degrees of freedom of the ends of pieces.
 
@@ -60,6 +89,8 @@ def receptance(
         To ground across, at the end of so many pieces, 0 the tip.
     ends : list of int
         Twice the number of the end for y, one more for theta.
+    loss : float
+        Loss factor of the material.
     """
     count = [max(2, int(np.ceil(length / each))) for length, _, _ in pieces]
     places = np.concatenate([[0], np.cumsum(count)])
@@ -70,6 +101,7 @@ def receptance(
         for i in range(start, start + number):
             k[2 * i : 2 * i + 4, 2 * i : 2 * i + 4] += own[0]
             m[2 * i : 2 * i + 4, 2 * i : 2 * i + 4] += own[1]
+    k = k * (1.0 + 1j * loss)
     for end, stiffness, damping in springs:
         k[2 * places[end], 2 * places[end]] += stiffness
         c[2 * places[end], 2 * places[end]] += damping

@@ -38,6 +38,7 @@ EXTRAS = {
     "hdf5": ("h5py",),
     "sampling": ("emcee",),
     "dask": ("distributed",),
+    "sections": ("sectionproperties", "shapely"),
     "drawing": ("ezdxf",),
 }
 """Modules of each extra of the package, as in `pip install 'receptance[sweep]'`."""

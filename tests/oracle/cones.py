@@ -1,12 +1,12 @@
-"""Receptances of conical Timoshenko beams as Taylor series in 40 digits; nothing is shared with the core.
+"""Receptances of conical Timoshenko beams as Taylor series in 30 digits; nothing is shared with the core.
 
 Along a beam of varying section
 
     y' = theta + V / S,   theta' = M / B,   V' = -m w^2 y,   M' = -V - r w^2 theta
 
 with S, B, m and r those of the section in each place. The diameters are linear in x, so that S, B, m and r are rational
-functions; their Taylor series about the start of a step, and from them those of the state, follow term by term. A step is
-a fixed share of the distance to the nearest place at which a section or a wall vanishes, which bounds the radius of
+functions; their Taylor series about the start of a step, and from them those of the state, follow term by term. A step
+is a fixed share of the distance to the nearest place at which a section or a wall vanishes, which bounds the radius of
 convergence, and at most a share of the shortest wave.
 """
 
@@ -14,6 +14,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from itertools import product
 from typing import Any
 
 import mpmath as mp
@@ -22,10 +24,10 @@ Series = list[Any]
 Layer = tuple[float, float, float, float]
 """Young's modulus, density, Poisson's ratio and loss factor."""
 
-DIGITS = 40
-TERMS = 56
+DIGITS = 30
+TERMS = 46
 SHARE = 0.2
-"""Step over the distance to the nearest singular place: 0.2^56 is below 1e-39."""
+"""Step over the distance to the nearest singular place: 0.2^46 is below 1e-32."""
 COWPER, HUTCHINSON = "cowper", "hutchinson"
 
 
@@ -52,7 +54,8 @@ class Cone:
             return replace(self, length=value)
         values = list(getattr(self, field))
         values[place] = value
-        return replace(self, **{field: tuple(values)})
+        changes: dict[str, Any] = {field: tuple(values)}
+        return replace(self, **changes)
 
     def value(self, name: str) -> Any:
         """Return the value of a parameter."""
@@ -173,38 +176,54 @@ def _step(cone: Cone, x: Any, w: Any) -> Any:
 
 
 def _at(series: Series, h: Any) -> Any:
-    return mp.polyval(series[::-1], h)
+    value = mp.mpf(0)
+    for coefficient in reversed(series):
+        value = value * h + coefficient
+    return value
 
 
-def _advance(cone: Cone, motion: str, x: Any, h: Any, w2: Any, start: Sequence[Any]) -> list[Any]:
-    """State at the end of a step from x, from that at its start."""
+def _advance(cone: Cone, motion: str, x: Any, h: Any, w2: Any, columns: list[list[Any]]) -> list[list[Any]]:
+    """States at the end of a step from x, from those at its start."""
     if motion != "bending":
-        if motion == "axial":
-            _, _, stiffness, inertia, _ = _section(cone, x)
-        else:
-            stiffness, inertia = _torsion(cone, x)
+        stiffness, inertia = _torsion(cone, x) if motion == "torsion" else _section(cone, x)[2:4]
         compliance = _quotient([mp.mpf(1)], stiffness)
-        u, n = [start[0]], [start[1]]
-        for k in range(TERMS):
-            u.append(mp.fdot((compliance[j], n[k - j]) for j in range(k + 1)) / (k + 1))
-            force = mp.fdot((inertia[j], u[k - j]) for j in range(min(k + 1, len(inertia))))
-            n.append(-w2 * force / (k + 1))
-        return [_at(u, h), _at(n, h)]
+        return [_rod(compliance, inertia, h, w2, start) for start in columns]
     shear, bending, _, mass, inertia = _section(cone, x)
     alpha, beta = _quotient([mp.mpf(1)], shear), _quotient([mp.mpf(1)], bending)
+    return [_beam(alpha, beta, mass, inertia, h, w2, start) for start in columns]
+
+
+def _term(coefficients: Series, state: Series, k: int) -> Any:
+    """Term k of the product of two series."""
+    return mp.fdot((coefficients[j], state[k - j]) for j in range(min(k + 1, len(coefficients))))
+
+
+def _rod(compliance: Series, inertia: Series, h: Any, w2: Any, start: list[Any]) -> list[Any]:
+    u, n = [start[0]], [start[1]]
+    for k in range(TERMS):
+        rates = _term(compliance, n, k), -w2 * _term(inertia, u, k)
+        u.append(rates[0] / (k + 1))
+        n.append(rates[1] / (k + 1))
+    return [_at(u, h), _at(n, h)]
+
+
+def _beam(
+    alpha: Series, beta: Series, mass: Series, inertia: Series, h: Any, w2: Any, start: list[Any]
+) -> list[Any]:  # fmt: skip
     y, theta, v, m = ([value] for value in start)
     for k in range(TERMS):
         rates = (
-            theta[k] + mp.fdot((alpha[j], v[k - j]) for j in range(k + 1)),
-            mp.fdot((beta[j], m[k - j]) for j in range(k + 1)),
-            -w2 * mp.fdot((mass[j], y[k - j]) for j in range(min(k + 1, len(mass)))),
-            -v[k] - w2 * mp.fdot((inertia[j], theta[k - j]) for j in range(min(k + 1, len(inertia)))),
+            theta[k] + _term(alpha, v, k),
+            _term(beta, m, k),
+            -w2 * _term(mass, y, k),
+            -v[k] - w2 * _term(inertia, theta, k),
         )
         for series, rate in zip((y, theta, v, m), rates, strict=True):
             series.append(rate / (k + 1))
     return [_at(series, h) for series in (y, theta, v, m)]
 
 
+@cache
 def transfer(cone: Cone, frequency_hz: Any, motion: str = "bending") -> mp.matrix:
     """Return the matrix from the state at the near end to that at the far end, `(y, theta, V, M)` or `(u, n)`."""
     with mp.workdps(DIGITS):
@@ -214,29 +233,52 @@ def transfer(cone: Cone, frequency_hz: Any, motion: str = "bending") -> mp.matri
         x = mp.mpf(0)
         while x < cone.length * (1 - mp.mpf(10) ** (5 - DIGITS)):
             h = _step(cone, x, w)
-            columns = [_advance(cone, motion, x, h, w * w, column) for column in columns]
+            columns = _advance(cone, motion, x, h, w * w, columns)
             x += h
         return mp.matrix(columns).T
 
 
 def receptance(chain: Sequence[Cone], frequency_hz: Any, motion: str = "bending") -> mp.matrix:
-    """Return the receptance of a free row of cones over both ends: (y, theta) near, (y, theta) far; rods have u only.
+    """Return the receptance of a free row of cones over all its nodes, y and theta in turn; rods have u only.
 
-    The load on the near end is minus the internal force there, that on the far end the internal force itself.
+    The load on the near end of a cone is minus the internal force there, that on the far end the internal force itself.
     """
     with mp.workdps(DIGITS):
-        whole = transfer(chain[0], frequency_hz, motion)
-        for cone in chain[1:]:
-            whole = transfer(cone, frequency_hz, motion) * whole
-        n = whole.rows // 2
-        uu, un, nu, nn = whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]
-        back = nu**-1
-        near = [back * nn, back]
-        far = [uu * near[0] - un, uu * back]
-        out = mp.matrix(2 * n, 2 * n)
-        for i, row in enumerate((near, far)):
-            for j, block in enumerate(row):
-                for a in range(n):
-                    for b in range(n):
-                        out[i * n + a, j * n + b] = block[a, b]
-        return out
+        n = 2 if motion == "bending" else 1
+        stiffness = mp.matrix(n * (len(chain) + 1))
+        for number, cone in enumerate(chain):
+            whole = transfer(cone, frequency_hz, motion)
+            uu, un, nu, nn = whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]
+            rigid = un**-1
+            blocks = [[rigid * uu, -rigid], [nu - nn * rigid * uu, nn * rigid]]
+            for i, j, a, b in product(range(2), range(2), range(n), range(n)):
+                stiffness[n * (number + i) + a, n * (number + j) + b] += blocks[i][j][a, b]
+        return stiffness**-1
+
+
+def determinant(cone: Cone, frequency_hz: Any) -> Any:
+    """Return the determinant that is zero at a complex natural frequency of a free cone."""
+    with mp.workdps(DIGITS):
+        return mp.det(transfer(cone, frequency_hz)[2:, :2])
+
+
+def section(cone: Cone, share: float) -> tuple[float, float, float, float]:
+    """Return S, B, m and r at a share of the length, without damping."""
+    shear, bending, _, mass, inertia = _section(cone, mp.mpf(share) * cone.length)
+    return tuple(float(mp.re(series[0])) for series in (shear, bending, mass, inertia))  # type: ignore[return-value]
+
+
+def pieces(cone: Cone, lengths: Sequence[Any]) -> list[Cone]:
+    """Return the cone cut so that its pieces have these lengths; the last one ends where the cone ends."""
+
+    def at(ends: tuple[Any, Any], x: Any) -> Any:
+        return mp.mpf(ends[0]) + (mp.mpf(ends[1]) - ends[0]) * x / cone.length
+
+    out, x = [], mp.mpf(0)
+    with mp.workdps(DIGITS):
+        for length in [*lengths, None]:
+            far = mp.mpf(cone.length) if length is None else x + length
+            outer, inner = ((at(ends, x), at(ends, far)) for ends in (cone.outer, cone.inner))
+            out.append(replace(cone, length=far - x, outer=outer, inner=inner))
+            x = far
+    return out

@@ -14,6 +14,8 @@ SEGMENT_COLUMNS = (
     "youngs_modulus", "density", "poisson_ratio", "loss_factor",
     "core_youngs_modulus", "core_density", "core_poisson_ratio", "core_loss_factor", "shear_model",
 )  # fmt: skip
+CONE_COLUMNS = (*SEGMENT_COLUMNS, "end_outer_diameter", "end_inner_diameter")
+"""A segment that may be a cone; the tables here hold cylinders, `cones` computes cones by itself."""
 JOINT_COLUMNS = ("a", "b", "k_y", "k_theta", "k_ytheta", "c_y", "c_theta", "c_ytheta", "loss_factor")
 MASS_COLUMNS = ("node", "mass", "inertia")
 GROUND_COLUMNS = ("node", "k_y", "k_theta", "k_ytheta", "c_y", "c_theta", "c_ytheta", "loss_factor")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Polygon
 
 from receptance import (
     CARBIDE,
@@ -53,6 +53,12 @@ def texts(figure: Figure) -> set[str]:
     return {text.get_text() for axes in figure.axes for text in axes.texts}
 
 
+def outlines(figure: Figure) -> list[np.ndarray]:
+    """Return the four corners of each body that is drawn, in mm."""
+    (axes,) = figure.axes
+    return [patch.get_xy()[:4] for patch in axes.patches if isinstance(patch, Polygon)]
+
+
 def boxes(figure: Figure) -> Iterator[tuple[str, object]]:
     renderer = FigureCanvasAgg(figure).get_renderer()
     figure.draw(renderer)
@@ -73,12 +79,46 @@ def test_lengths_are_to_scale() -> None:
     figure = POINTED.plot()
     (axes,) = figure.axes
     figure.draw_without_rendering()
-    shapes = [shape for shape in axes.patches if isinstance(shape, Rectangle)]
-    assert [shape.get_width() for shape in shapes][:1] == pytest.approx([30.0])
-    assert max(shape.get_x() + shape.get_width() for shape in shapes) == pytest.approx(88.0)
-    assert max(shape.get_height() for shape in shapes) == pytest.approx(45.0)
+    corners = outlines(figure)
+    assert np.ptp(corners[0][:, 0]) == pytest.approx(30.0)
+    assert max(outline[:, 0].max() for outline in corners) == pytest.approx(88.0)
+    assert max(np.ptp(outline[:, 1]) for outline in corners) == pytest.approx(45.0)
     (left, bottom), (right, top) = axes.transData.transform([(0.0, 0.0), (10.0, 10.0)])
     assert right - left == pytest.approx(top - bottom, rel=1e-6)
+
+
+CONE = Segment(
+    length=0.05,
+    outer_diameter=0.03,
+    end_outer_diameter=0.06,
+    inner_diameter=0.01,
+    end_inner_diameter=0.02,
+    material=STEEL,
+)
+
+
+def test_cones_are_trapezoids_with_both_diameters() -> None:
+    figure = Assembly([Part([CONE], name="nose")]).plot()
+    assert "ø30–60/10–20" in texts(figure)
+    outer, bore = outlines(figure)
+    for outline, (near, far) in ((outer, (30.0, 60.0)), (bore, (10.0, 20.0))):
+        assert outline == pytest.approx(
+            np.array([[0.0, -near / 2], [50.0, -far / 2], [50.0, far / 2], [0.0, near / 2]])
+        )
+
+
+def test_an_attachment_is_on_the_surface_of_a_cone() -> None:
+    rider = PointMass(mass=0.002, part="nose", position=0.02, name="rider")
+    figure = Assembly([Part([CONE], name="nose")], [rider]).plot()
+    (axes,) = figure.axes
+    leaders = [line for line in axes.lines if np.allclose(line.get_xdata(), 20.0) and len(line.get_xdata()) == 2]
+    assert [line.get_ydata()[0] for line in leaders] == pytest.approx([500.0 * CONE.at(0.4)[0]])
+
+
+def test_a_part_of_many_pieces_has_the_labels_of_its_ends() -> None:
+    pieces = [CONE.between(i / 30, (i + 1) / 30) for i in range(30)]
+    labels = texts(Assembly([Part(pieces, name="nose")]).plot())
+    assert {label for label in labels if label} == {"ø30/10", "ø60/20", "50", "nose"}
 
 
 def test_two_assemblies_have_the_same_scale() -> None:

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from as_if_found import as_if_found, fit_at_start
 from campaign_text import TEXT, load
 from plain_residuals import truncated
 from receptance import FRF, campaign, examples
 from receptance.diagnosis import CATALOGUE, Cause, Variant
 from receptance.diagnosis.explanation import Explanation
-from receptance.diagnosis.fitting import Fit
 from receptance.diagnosis.model import Model
 from receptance.diagnosis.truncation import ALL_RECORDS
 from receptance.fit.observation import altered
 from receptance.fit.unknowns import Law, Move
 from receptance.io import read_frf, write
-from variant_of_cause import variant_of
 
 LINES = np.linspace(300.0, 6000.0, 400)
 JOINT = {"joint.k_y": 5e8, "joint.k_theta": 1e5, "joint.c_y": 200.0, "joint.c_theta": 0.5}
@@ -77,40 +75,6 @@ def write_campaign(folder: Path, more: str = "", **changes: float) -> campaign.C
         MEASURED.format(name=name, role=role, force=force, plane=plane, more=more) for name, role, force, plane in rows
     )
     return load(folder, f"{head}{measured}{UNKNOWNS}")
-
-
-def as_if_found(read: campaign.Campaign, *causes: tuple[str, str]) -> tuple[campaign.Campaign, Any]:
-    """A diagnosis that ended at causes where they are small, without the work of one."""
-    model, _ = read.base_model()
-    model = model.with_witnesses()
-    base = _at_start(model)
-    variants = []
-    for cause, name in causes:
-        variants.append(variant_of(model, cause, name))
-        model = variants[-1].apply(model)
-    fit = _at_start(model)
-    explanation = Explanation(tuple(variants), fit, 100.0, 100.0)
-    verdict: Any = SimpleNamespace(
-        verdict="named",
-        explanation=explanation,
-        extended=fit,
-        ambiguous_between=(),
-        discrepancy=None,
-        selection=SimpleNamespace(base=base),
-    )
-    return read, verdict
-
-
-def _at_start(model: Model) -> Fit:
-    task = model.task
-    values = {}
-    for unknown in task.variables.unknowns:
-        small = 1e-4 * (unknown.upper - unknown.lower) if unknown.scale == "linear" else 0.0
-        values[unknown.name] = min(max(float(unknown.start or 0.0) + small, unknown.lower), unknown.upper)
-    x = task.variables.from_values(np.array(list(values.values())))
-    residual = model.problem.residual(x)
-    assert np.isfinite(residual).all(), model.problem.reason(x)
-    return Fit(model, x, float(residual @ residual), True)
 
 
 UNDECIDABLE = {"flexible_body", "contact_distribution", "spindle_mode", "coarse_resolution", "exchanged_files"}
@@ -270,7 +234,7 @@ def test_causes_without_campaign_syntax_are_refused(tmp_path: Path) -> None:
     read = write_campaign(tmp_path)
     read, verdict = as_if_found(read)
     ((variant, model),) = odd.extensions(verdict.explanation.fit.model)
-    verdict.explanation = Explanation((variant,), _at_start(model), 100.0, 100.0)
+    verdict.explanation = Explanation((variant,), fit_at_start(model), 100.0, 100.0)
     with pytest.raises(ValueError, match="a campaign file cannot describe"):
         campaign.write_extended(read, verdict, tmp_path / "extended.toml")
     assert not (tmp_path / "extended.toml").exists()

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from oracle.tables import GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS, SEGMENT_COLUMNS
+from oracle.tables import CONE_COLUMNS, GROUND_COLUMNS, JOINT_COLUMNS, MASS_COLUMNS
 from receptance import (
     CARBIDE,
     STEEL,
@@ -47,7 +47,7 @@ NAMES = [f"{index}-{type(element).__name__}" for index, element in enumerate(ELE
 @pytest.mark.parametrize(
     ("element", "names", "nodes"),
     [
-        (ELEMENTS[2], SEGMENT_COLUMNS, 2),
+        (ELEMENTS[2], CONE_COLUMNS, 2),
         (POINT, JOINT_COLUMNS, 2),
         (PointMass(mass=1.0), MASS_COLUMNS, 1),
         (GroundSpring(k_y=1e7), GROUND_COLUMNS, 1),

@@ -110,7 +110,7 @@ def _piece(
     return HolderRow(
         holder="", line=0, length=length, outer_diameter=outer, inner_diameter=inner, material=material, core=core,
         end_outer_diameter=end_outer, end_inner_diameter=end_inner,
-    )  # fmt: skip
+    )
 
 
 def _ends(piece: HolderRow) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -191,7 +191,7 @@ def _holders_of_toml(path: Path) -> dict[str, list[HolderRow]]:
                 row.core or "",
                 end_outer=row.end_outer_diameter,
                 end_inner=row.end_inner_diameter,
-            )  # fmt: skip
+            )
             for row in part.segments
         ]
         for name, part in holders.items()

@@ -377,9 +377,7 @@ def _spread_joint(assembly: Assembly, anatomy: Anatomy, points: int | None, whol
     last, first = tool.segments[-1], holder.segments[0]
     _require_cylinder(first, anatomy.holder[0])
     if not last.is_circular:
-        raise UndecidableError(
-            f"the last segment of {anatomy.tool[-1]} is not circular, as the shank of a spread joint is"
-        )
+        raise UndecidableError(f"the last segment of {anatomy.tool[-1]} is not circular, and the shank is to be")
     # The shank continues with the section at the end of the tool.
     (_, (shank_outer, shank_inner)) = last.ends
     bore = max(first.inner_diameter, shank_outer)
@@ -406,8 +404,8 @@ def _require_cylinder(mouth: Segment, holder: str) -> None:
     if mouth.is_conical or not mouth.is_circular:
         what = "a cone" if mouth.is_conical else "not circular"
         raise UndecidableError(
-            f"the first segment of {holder} is {what}, and the sleeve of a spread joint is a circular cylinder; describe "
-            f"the mouth of {holder} as a cylinder, or give the model a SpreadJoint"
+            f"the first segment of {holder} is {what}, and the sleeve of a spread joint is a circular cylinder; "
+            f"describe the mouth of {holder} as a cylinder, or give the model a SpreadJoint"
         )
 
 

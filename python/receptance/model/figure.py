@@ -181,6 +181,8 @@ class _Body(NamedTuple):
     """Radius at the other end."""
     fill: str
     hatch: str = ""
+    edge: float = 0.8
+    """Width of the outline in points."""
 
     def corners(self) -> list[tuple[float, float]]:
         """Return the corners of the section, counterclockwise from that below x."""
@@ -269,7 +271,7 @@ class _Sketch:
         start, are_labelled = x, len(part.segments) <= _MOST_LABELLED
         for segment in part.segments:
             length = _MM * segment.length
-            self._add_section(x, length, segment, segment.ends)
+            self._add_section(x, length, segment, segment.ends, 0.8 if are_labelled else 0.2)
             if are_labelled:
                 self._label(x + 0.5 * length, 0.5 * _MM * segment.at(0.5)[0], _diameters(segment), INK)
                 self._label_below(x, length, f"{length:.4g}")
@@ -281,14 +283,19 @@ class _Sketch:
             self._label_below(start, x - start, f"{x - start:.4g}")
 
     def _add_section(
-        self, x: float, length: float, section: Segment | Section, ends: tuple[tuple[float, float], tuple[float, float]]
+        self,
+        x: float,
+        length: float,
+        section: Segment | Section,
+        ends: tuple[tuple[float, float], tuple[float, float]],
+        edge: float = 0.8,
     ) -> None:
         (outer, inner), (end_outer, end_inner) = ends
         half = 0.5 * _MM
-        self.bodies.append(_Body(x, length, half * outer, half * end_outer, self._fill(section.material)))
+        self.bodies.append(_Body(x, length, half * outer, half * end_outer, self._fill(section.material), "", edge))
         if inner or end_inner:
             fill = self._fill(section.core) if section.core is not None else "white"
-            self.bodies.append(_Body(x, length, half * inner, half * end_inner, fill))
+            self.bodies.append(_Body(x, length, half * inner, half * end_inner, fill, "", edge))
 
     def _fill(self, material: Material) -> str:
         return self.fills.setdefault(material.name, _FILLS[len(self.fills) % len(_FILLS)])
@@ -374,7 +381,7 @@ class _Sketch:
         axis = ([over, _extent(self.drawing.assembly) - over], [0.0, 0.0])
         axes.plot(*axis, color=PALE, linewidth=0.6, linestyle=(0, (8, 3, 1, 3)), zorder=3)
         for body in self.bodies:
-            style = {"facecolor": body.fill, "edgecolor": INK, "linewidth": 0.8, "hatch": body.hatch, "zorder": 2}
+            style = {"facecolor": body.fill, "edgecolor": INK, "linewidth": body.edge, "hatch": body.hatch, "zorder": 2}
             axes.add_patch(Polygon(body.corners(), closed=True, **style))
         for x, length, half in self.joints:
             for side in (-half, half) if length else (0.0,):
