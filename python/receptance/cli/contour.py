@@ -17,6 +17,8 @@ from receptance.errors import MissingExtraError
 from receptance.io import FileFormatError
 from receptance.model.beams import Material
 from receptance.model.contour import TOLERANCE
+from receptance.model.materials import MATERIALS as LISTED
+from receptance.model.materials import material as listed_material
 
 _DRAWING = "Reading of drawings that do not state everything"
 """Group of options in the help."""
@@ -113,10 +115,13 @@ def contour(
 
 def _material(text: str) -> Material:
     """Return a material by its name, or from its numbers."""
-    if "=" not in text:
-        if text not in MATERIALS:
-            raise InputError(f"--material is {text!r}{instead_of(text, MATERIALS)}")
+    if text in MATERIALS:
         return MATERIALS[text]
+    if "=" not in text:
+        try:
+            return listed_material(text)
+        except ValueError:
+            raise InputError(f"--material is {text!r}{instead_of(text, LISTED)}") from None
     try:
         return parse_material(text)
     except ValueError as error:

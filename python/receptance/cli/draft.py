@@ -19,7 +19,7 @@ from receptance._reading import ReadingOptions, campaign_keys
 from receptance._text import instead_of, one_of, shown
 from receptance.campaign.listed_materials import listed_materials, listed_table
 from receptance.catalogue.rows import HolderRow
-from receptance.cli.pieces import MATERIAL_NUMBERS, MATERIALS, SIZES, mm, readable
+from receptance.cli.pieces import MATERIAL_NUMBERS, MATERIALS, SIZES, DrawnHolder, mm, readable
 from receptance.cli.running import InputError
 from receptance.frf import FRF
 from receptance.io import TimeSeries
@@ -198,7 +198,8 @@ def share_assemblies(measurements: Sequence[MeasuredFile]) -> None:
             measurement.assembly = f"overhang {mm(measurement.overhang)}"
 
 
-def _relative(file: str | Path, folder: Path) -> str:
+def relative_path(file: str | Path, folder: Path) -> str:
+    """Return the path of a file relative to a folder."""
     place = Path(file).resolve()
     try:
         return Path(os.path.relpath(place, folder.resolve())).as_posix()
@@ -221,7 +222,7 @@ def measured_files(
     if "sample_rate_hz" in reading:
         keys["sample_rate"] = f"{reading['sample_rate_hz']:.15g} Hz"
     keys |= {
-        key: _relative(path, folder) for key, path in (("file", file), ("coherence", keys.get("coherence"))) if path
+        key: relative_path(path, folder) for key, path in (("file", file), ("coherence", keys.get("coherence"))) if path
     }
     if frfs:
         return [
@@ -292,10 +293,9 @@ title = {title}
 # own. They are fitted as errors, so that they are not taken for another cause.
 
 {materials}
-# The tool outside the holder, from the tip on. The length of its last segment follows from the overhang of each
-# assembly, and has an error of its own in each clamping.
+{about_tool}
 {flutes}{shank}
-# The holder, from its nose on; `core` is the shank of the tool in its bore.
+{about_holder}
 {holder}
 # The joint between tool and holder. Its values are unknowns, see below.
 [joints.joint]
@@ -313,6 +313,16 @@ title = {title}
 "joint.c_y" = {{ lower = "1 N s/m", upper = "1e5 N s/m" }}
 "joint.c_theta" = {{ lower = "1e-4 N m s/rad", upper = "10 N m s/rad" }}
 """
+_TOOL = """\
+# The tool outside the holder, from the tip on. The length of its last segment follows from the overhang of each
+# assembly, and has an error of its own in each clamping."""
+_WHOLE_TOOL = """\
+# The tool as it is, from the tip on. The length of its last segment is that outside of the holder, which follows
+# from the overhang of each assembly and has an error of its own in each clamping, and the `insertion`."""
+_HOLDER = "# The holder, from its nose on; `core` is the shank of the tool in its bore."
+_DRAWN_HOLDER = """\
+# The holder, from its drawing; `receptance contour` shows what is read of it. One tolerance is that of all diameters
+# together, one that of the whole length."""
 _FLUTES = "# In front of the shank the diameter is an effective one, of the round bar as stiff as the flutes.\n"
 _SPINDLE = """\
 # The spindle behind the holder as modes, identified with the joint. With "auto" there are as many as the records
@@ -330,7 +340,7 @@ def campaign_text(
     *,
     title: str,
     tool: Sequence[HolderRow],
-    holder: Sequence[HolderRow],
+    holder: Sequence[HolderRow] | DrawnHolder,
     measurements: Sequence[MeasuredFile],
     sensor: float,
     spindle_modes: int | Literal["auto"] | None,
@@ -349,11 +359,16 @@ def campaign_text(
                 f"the overhang of {measurement.name} is {mm(measurement.overhang)}, expected more than the {mm(front)} "
                 "of the tool in front of its shank"
             )
-    names = dict.fromkeys(name for piece in (*tool, *holder) for name in (piece.material, piece.core) if name)
+    drawn = holder if isinstance(holder, DrawnHolder) else None
+    rows = () if isinstance(holder, DrawnHolder) else holder
+    names = dict.fromkeys(name for piece in (*tool, *rows) for name in (piece.material, piece.core) if name)
+    names |= {} if drawn is None else {drawn.material: None}
     for name in names:
         if name not in materials:
             raise ValueError(f'the material is "{name}"{instead_of(name, materials)}')
     *flutes, shank = tool
+    # Beside a drawing the tool has its whole length.
+    front -= 0.0 if drawn is None else drawn.insertion
     shank = replace(shank, length=measurements[0].overhang - front)
     chain = ["tool", "joint", "holder", *([] if spindle_modes is None else ["spindle"])]
     address = f"tool.segment[{len(flutes)}].length"
@@ -363,7 +378,9 @@ def campaign_text(
         materials="\n".join(_material(name, materials[name]) for name in names),
         flutes=_FLUTES + _segments("tool", flutes, "flutes") + "\n" if flutes else "",
         shank=_segments("tool", [shank], "shank"),
-        holder=_segments("holder", holder, "holder"),
+        about_tool=_TOOL if drawn is None else _WHOLE_TOOL,
+        about_holder=_HOLDER if drawn is None else _DRAWN_HOLDER,
+        holder=_segments("holder", rows, "holder") if drawn is None else _drawn(drawn),
         spindle=""
         if spindle_modes is None
         else f"{_SPINDLE}{_table('modal_parts.spindle', {'identify': True, 'modes': spindle_modes})}\n",
@@ -373,6 +390,7 @@ def campaign_text(
                 f"assemblies.{_key(name)}",
                 {
                     "chain": chain,
+                    **({"insertion": mm(drawn.insertion)} if drawn is not None and drawn.insertion else {}),
                     "set": {address: mm(overhang - front)},
                     "conditions": {"overhang": mm(overhang)},
                 },
@@ -406,6 +424,14 @@ def _segments(part: str, pieces: Iterable[HolderRow], kind: str) -> str:
         segment |= {key: getattr(piece, key) for key in ("material", "core") if getattr(piece, key)}
         tables.append(_table(f"[parts.{part}.segments]", {**segment, "tolerance": tolerance}))
     return "\n".join(tables)
+
+
+def _drawn(holder: DrawnHolder) -> str:
+    tolerances = _TOLERANCES["holder"]
+    tolerance = {
+        "diameter": tolerances["outer_diameter"], "bore": tolerances["inner_diameter"], "length": tolerances["length"]
+    }  # fmt: skip
+    return _table("parts.holder", {"contour": holder.file, "material": holder.material, "tolerance": tolerance})
 
 
 def _measurement(measurement: MeasuredFile, sensor: bool) -> str:

@@ -97,6 +97,8 @@ def _place(text: str, answers: Mapping[str, Any]) -> cli.draft.Place:
 def _with_shank(text: str, answers: Mapping[str, Any]) -> Any:
     insertion = _quantity(units.LENGTH, "none")(text, answers)
     tool, holder = answers["tool"], answers["holder"]
+    if isinstance(holder, cli.pieces.DrawnHolder):
+        return replace(holder, insertion=insertion)
     return cli.pieces.inserted(holder, insertion, tool[-1]) if tool and holder else None
 
 
@@ -121,7 +123,7 @@ _OF_WEIGHTS = (
 )
 _HOLDER = (
     "Pieces of the holder from its nose on, length x outer diameter/bore; or a CSV or TOML file of segments, FILE:NAME "
-    "if it has several holders"
+    "if it has several holders; or its drawing, a DXF file"
 )
 _OF_MODEL = (
     Question(
@@ -265,16 +267,22 @@ def new(
         tool, of_tool = answers.answer("tool"), answers.answer("tool_material")
         tool = tool and [replace(piece, material=of_tool or "") for piece in tool]
         answers["tool"], holder = tool, answers.answer("holder")
-        if not holder or not all(piece.material for piece in holder):
+        is_drawn = isinstance(holder, cli.pieces.DrawnHolder)
+        if is_drawn:
+            file = cli.draft.relative_path(holder.file, target.parent)
+            answers["holder"] = replace(holder, file=file, material=answers.answer("holder_material") or "")
+        elif not holder or not all(piece.material for piece in holder):
             of_holder = answers.answer("holder_material")
             holder = holder and [replace(piece, material=piece.material or of_holder or "") for piece in holder]
             answers["holder"] = holder
-        if not holder or not any(piece.core for piece in holder):
+        if is_drawn or not holder or not any(piece.core for piece in holder):
             holder = answers.answer("insertion")
         for name in ("holder_material", "insertion"):
             if options[name] is not None and name not in answers:
                 raise InputError(f"{_QUESTIONS[name].option} is given, but the holder's file states it; leave it out")
-        of_pieces = [name for piece in (*(tool or ()), *(holder or ())) for name in (piece.material, piece.core)]
+        rows = (*(tool or ()), *(() if is_drawn else holder or ()))
+        of_pieces = [name for piece in rows for name in (piece.material, piece.core)]
+        of_pieces += [answers["holder"].material] if is_drawn else []
         materials |= listed_materials(of_pieces, materials)
         sensor, support = answers.answer("sensor"), answers.answer("support")
         for question in _PLACES:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from receptance import units
+from receptance import drawing, units
 from receptance._text import instead_of, shown
 from receptance.campaign.keys import ListOf, NamedTables, Place, element_keys
 from receptance.campaign.problems import CampaignError, Problems
@@ -40,6 +40,17 @@ _PIECE = re.compile(
 )
 _NUMBER = re.compile(units.NUMBER)
 _COMMA = re.compile(r"\d,\d")
+
+
+@dataclass(frozen=True)
+class DrawnHolder:
+    """A holder as a drawing, which the new campaign reads."""
+
+    file: str
+    """Path of the drawing."""
+    material: str = ""
+    insertion: float = 0.0
+    """Length of the shank in its bore in m."""
 
 
 def parse_pieces(text: str, *, shank: bool = False) -> list[HolderRow]:
@@ -116,8 +127,13 @@ def _ends(piece: HolderRow) -> tuple[tuple[float, float], tuple[float, float]]:
     return (piece.outer_diameter, piece.inner_diameter), end
 
 
-def parse_holder(text: str) -> list[HolderRow]:
-    """Return the pieces of a holder, from their text or from a file, FILE:NAME if it has several holders."""
+def parse_holder(text: str) -> list[HolderRow] | DrawnHolder:
+    """Return the pieces of a holder, from their text or from a file, FILE:NAME if it has several holders.
+
+    A DXF file is a drawing, which is read to find its mistakes.
+    """
+    if text.lower().endswith(".dxf"):
+        return _drawn_holder(Path(text))
     path, name = Path(text), ""
     if not path.is_file() and ":" in text:
         file, _, name = text.rpartition(":")
@@ -139,6 +155,17 @@ def parse_holder(text: str) -> list[HolderRow]:
     if name and name not in holders:
         raise ValueError(f"is {shown(text)}, but {path} has no {shown(name)}{instead_of(name, holders)}")
     return holders[name or first]
+
+
+def _drawn_holder(path: Path) -> DrawnHolder:
+    if not path.is_file():
+        raise ValueError(f"is {shown(str(path))}, but there is no file {path}")
+    try:
+        drawing.read_contour(path)
+    except ValueError as error:
+        hint = f"`receptance contour {path}` has options for what it does not state, and prints lines of a campaign"
+        raise ValueError(f"names a drawing with mistakes: {error}; {hint}") from None
+    return DrawnHolder(str(path))
 
 
 class _HolderKeys(PartTable):
