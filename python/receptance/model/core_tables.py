@@ -372,7 +372,7 @@ class _Pieces(NamedTuple):
         return self._at_cuts(near, weights)
 
     def entries_of_start(self) -> list[Entry]:
-        """Return the entries that a shift of the start of the segment changes, the cuts of a split segment being fixed."""
+        """Return the entries that a shift of the start of the split segment changes, its cuts being fixed."""
         column = _PLACES["length"]
         inner = [-1.0 / self.segment.length] * (len(self.shares) - 2)
         first, last = (_SEGMENTS, self.rows[0], column, -1.0), (_SEGMENTS, self.rows[-1], column, 1.0)
