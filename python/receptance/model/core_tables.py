@@ -304,29 +304,34 @@ def _add_part(flat: Flat, name: str, part: Part, node: int) -> int:
         # The length and the end of a segment that is not split are not rounded.
         shares = [(x - start) / segment.length for x in cuts[:-1]] + [1.0] if inside else [0.0, 1.0]
         piece = _Pieces(segment, shares, [])
+        uniform = segment.shape is None and not segment.is_conical
+        values = segment.columns[1:_UNIFORM]
         pieces.append(piece)
         for number, (left, right) in enumerate(pairwise(cuts)):
             far = flat.new_node()
-            columns = piece.columns(number, right - left if inside else segment.length, plane)
+            length = right - left if inside else segment.length
+            columns = [length, *values] if uniform else piece.columns(number, length, plane)
             piece.rows.append(flat.add("segments", (node, far), columns))
             flat.nodes[name, right] = node = far
         start = end
-    split = [(number, piece) for number, piece in enumerate(pieces) if len(piece.rows) > 1]
+    shifted = [(number, piece.entries_of_start()) for number, piece in enumerate(pieces) if len(piece.rows) > 1]
     for i, (segment, _, rows) in enumerate(pieces):
-        values, conical = segment.columns, segment.is_conical
+        numbers, conical = segment.columns, segment.is_conical
         for address, column in segment.places.items():
             parameter = f"{name}.segment[{i}].{address}"
-            if conical or address == "length":
+            if conical:
                 entries = pieces[i].entries(address)
             else:
-                entries = [(_SEGMENTS, row, 2 + column, 1.0) for row in rows]
-            if address == "length":
+                # A longer cylinder has a longer last piece; everything else changes all pieces.
+                changed = rows[-1:] if address == "length" else rows
+                entries = [(_SEGMENTS, row, 2 + column, 1.0) for row in changed]
+            if address == "length" and shifted:
                 # Positions are measured from the start of the part, so the cuts do not move: the last piece of this
                 # segment grows, and in each later segment the first piece shrinks and the last one grows.
-                for number, later in split:
+                for number, later in shifted:
                     if number > i:
-                        entries += later.entries_of_start()
-            flat.entries[parameter], flat.values[parameter] = entries, values[column]
+                        entries += later
+            flat.entries[parameter], flat.values[parameter] = entries, numbers[column]
     return node
 
 
@@ -340,10 +345,8 @@ class _Pieces(NamedTuple):
     """Row of each piece in the table of segments."""
 
     def columns(self, number: int, length: float, plane: Plane) -> list[float]:
-        """Return the columns of a piece without nodes."""
+        """Return the columns of a piece of a cone or of a segment with a shape, without nodes."""
         segment = self.segment
-        if segment.shape is None and not segment.is_conical:
-            return [length, *segment.columns[1:_UNIFORM]]
         columns = [length, *segment.columns[1:]]
         columns += segment.shape_columns(plane)
         if segment.is_conical:
@@ -354,15 +357,13 @@ class _Pieces(NamedTuple):
         return columns
 
     def entries(self, address: str) -> list[Entry]:
-        """Return the entries of the table that a parameter of the segment changes, the cuts staying in place."""
+        """Return the entries of the table that a parameter of a cone changes, the cuts staying in place."""
         column = _PLACES[address]
         if address == "length":
             # A cut lies at a smaller share of a longer segment.
-            if not self.segment.is_conical:
-                return [(_SEGMENTS, self.rows[-1], column, 1.0)]
             moved = self._moved([-share / self.segment.length for share in self.shares[:-1]] + [0.0])
             return [(_SEGMENTS, self.rows[-1], column, 1.0), *moved]
-        if not self.segment.is_conical or address not in _DIAMETERS:
+        if address not in _DIAMETERS:
             return [(_SEGMENTS, row, column, 1.0) for row in self.rows]
         near = address if address in _END_OF else next(key for key, end in _END_OF.items() if end == address)
         # The diameter at each cut is (1 - share) that of the near end + share that of the far end; where no diameter is
@@ -374,14 +375,13 @@ class _Pieces(NamedTuple):
     def entries_of_start(self) -> list[Entry]:
         """Return the entries that a shift of the start of the split segment changes, its cuts being fixed."""
         column = _PLACES["length"]
-        inner = [-1.0 / self.segment.length] * (len(self.shares) - 2)
-        first, last = (_SEGMENTS, self.rows[0], column, -1.0), (_SEGMENTS, self.rows[-1], column, 1.0)
-        return [first, last, *self._moved([0.0, *inner, 0.0])]
+        entries: list[Entry] = [(_SEGMENTS, self.rows[0], column, -1.0), (_SEGMENTS, self.rows[-1], column, 1.0)]
+        if self.segment.is_conical:
+            entries += self._moved([0.0, *[-1.0 / self.segment.length] * (len(self.shares) - 2), 0.0])
+        return entries
 
     def _moved(self, rates: Sequence[float]) -> list[Entry]:
-        """Return the entries of the diameters at cuts whose shares change at some rates."""
-        if not self.segment.is_conical:
-            return []
+        """Return the entries of the diameters at cuts of a cone whose shares change at some rates."""
         entries = []
         for near, start, end in zip(_END_OF, *self.segment.ends, strict=True):
             entries += self._at_cuts(near, [rate * (end - start) for rate in rates])
