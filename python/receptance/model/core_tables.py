@@ -59,6 +59,8 @@ _PLACES = {column.address: 2 + index for index, column in enumerate(Segment.layo
 _DIAMETERS = {*_END_OF, *_END_OF.values()}
 _UNIFORM = _PLACES["end_outer_diameter"] - 2
 """Number of columns of a circular cylinder, without nodes."""
+_WHOLE = (0.0, 1.0)
+"""Ends of a segment that is not divided, as shares of its length."""
 _COLUMNS = {
     "segments": 2 + len(Segment.layout) + len(Factors._fields),
     "joints": 2 + len(PointJoint.layout),
@@ -300,23 +302,28 @@ def _add_part(flat: Flat, name: str, part: Part, node: int) -> int:
     for segment in part.segments:
         end = start + segment.length
         inside = [x for x in positions if start < x < end]
+        conical = segment.is_conical
+        if not inside and not conical and segment.shape is None:
+            # The common case, without what divided segments need; the length is not rounded.
+            far = flat.new_node()
+            row = flat.add("segments", (node, far), segment.columns[:_UNIFORM])
+            pieces.append(_Pieces(segment, conical, [row], _WHOLE))
+            flat.nodes[name, end] = node = far
+            start = end
+            continue
         cuts = [start, *inside, end]
-        # The length and the end of a segment that is not split are not rounded.
-        shares = [(x - start) / segment.length for x in cuts[:-1]] + [1.0] if inside else [0.0, 1.0]
-        piece = _Pieces(segment, shares, [])
-        uniform = segment.shape is None and not segment.is_conical
-        values = segment.columns[1:_UNIFORM]
+        shares = [(x - start) / segment.length for x in cuts[:-1]] + [1.0] if inside else _WHOLE
+        piece = _Pieces(segment, conical, [], shares)
         pieces.append(piece)
         for number, (left, right) in enumerate(pairwise(cuts)):
             far = flat.new_node()
             length = right - left if inside else segment.length
-            columns = [length, *values] if uniform else piece.columns(number, length, plane)
-            piece.rows.append(flat.add("segments", (node, far), columns))
+            piece.rows.append(flat.add("segments", (node, far), piece.columns(number, length, plane)))
             flat.nodes[name, right] = node = far
         start = end
     shifted = [(number, piece.entries_of_start()) for number, piece in enumerate(pieces) if len(piece.rows) > 1]
-    for i, (segment, _, rows) in enumerate(pieces):
-        numbers, conical = segment.columns, segment.is_conical
+    for i, (segment, conical, rows, _) in enumerate(pieces):
+        numbers = segment.columns
         for address, column in segment.places.items():
             parameter = f"{name}.segment[{i}].{address}"
             if conical:
@@ -339,17 +346,20 @@ class _Pieces(NamedTuple):
     """The rows of a segment that is split at some places."""
 
     segment: Segment
-    shares: list[float]
-    """Ends of the pieces as shares of the length, from 0 to 1."""
+    conical: bool
     rows: list[int]
     """Row of each piece in the table of segments."""
+    shares: Sequence[float]
+    """Ends of the pieces as shares of the length, from 0 to 1."""
 
     def columns(self, number: int, length: float, plane: Plane) -> list[float]:
-        """Return the columns of a piece of a cone or of a segment with a shape, without nodes."""
+        """Return the columns of a piece, without nodes."""
         segment = self.segment
+        if segment.shape is None and not self.conical:
+            return [length, *segment.columns[1:_UNIFORM]]
         columns = [length, *segment.columns[1:]]
         columns += segment.shape_columns(plane)
-        if segment.is_conical:
+        if self.conical:
             for shift, share in enumerate(self.shares[number : number + 2]):
                 diameters = segment.at(share)
                 for (near, far), diameter in zip(_END_OF.items(), diameters, strict=True):
@@ -376,7 +386,7 @@ class _Pieces(NamedTuple):
         """Return the entries that a shift of the start of the split segment changes, its cuts being fixed."""
         column = _PLACES["length"]
         entries: list[Entry] = [(_SEGMENTS, self.rows[0], column, -1.0), (_SEGMENTS, self.rows[-1], column, 1.0)]
-        if self.segment.is_conical:
+        if self.conical:
             entries += self._moved([0.0, *[-1.0 / self.segment.length] * (len(self.shares) - 2), 0.0])
         return entries
 
