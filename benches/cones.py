@@ -1,8 +1,7 @@
 """Cones beside cylinders: cost, accuracy, and what crude models of a cone cost: ``python benches/cones.py``.
 
 The first table has processor times of one thread: a free cone beside one cylinder and six, 400 lines, in turns. "anew"
-makes the assembly in every call, as each step of a fit does for a changed cone, "again" has other lines of the same
-one.
+makes the assembly in every call, as each step of a fit does for a changed cone; "again" calls the same one.
 The accuracy is the largest relative difference from 80 to 640 cylinders with extrapolation (Richardson), to 5 kHz.
 The second table replaces both cones of a tool and its holder by n cylinders of the middle diameters: changes of natural
 frequencies, and joint stiffnesses that are identified from the receptance of the cones with noise.

@@ -74,11 +74,16 @@ def _difference(cones: list[Cone], lines: tuple[float, ...], motion: Motion) -> 
 
 
 @pytest.mark.parametrize("name", CONES)
-@pytest.mark.parametrize("motion", ["bending", "axial", "torsion"])
+@pytest.mark.parametrize("motion", [pytest.param("bending", marks=pytest.mark.slow), "axial", "torsion"])
 def test_both_ends_from_1_hz_to_50_khz(name: str, motion: Motion) -> None:
     worst = _difference([CONES[name]], LINES, motion)
     print(f"{name}, {motion}: {worst:.1e}")
     assert worst < 1e-11
+
+
+@pytest.mark.parametrize("name", ["nose with a bore", "filled"])
+def test_both_ends_at_some_lines(name: str) -> None:
+    assert _difference([CONES[name]], (1.0, 2e4), "bending") < 1e-11
 
 
 def _random_cone(rng: np.random.Generator) -> Cone:
@@ -94,6 +99,7 @@ def _random_cone(rng: np.random.Generator) -> Cone:
     return Cone(length, tuple(map(float, outer)), inner, ring, core if kind == 2 else None, shear)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_random_rows_of_cones() -> None:
     """A resonance of little damping near a line makes the comparison worse, as it does for cylinders."""
     print(f"seed {SEED}")
@@ -107,6 +113,7 @@ def test_random_rows_of_cones() -> None:
     assert max(worst) < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["nose with a bore", "filled", "ten to one"])
 def test_complex_natural_frequencies(name: str) -> None:
     """The matrix from motions to forces is singular there: steps of the secant method hardly move."""
@@ -149,6 +156,7 @@ def _addresses() -> list[str]:
     return [f"part.segment[0].{name}" for name in shared] + [f"part.segment[1].{name}" for name in (*shared, *core)]
 
 
+@pytest.mark.slow
 def test_every_address_of_a_cone_has_these_derivatives() -> None:
     """Central differences of the series, their step 1e-8 of the parameter: exact to sixteen digits or so."""
     addresses = _addresses()
@@ -173,6 +181,7 @@ def test_every_address_of_a_cone_has_these_derivatives() -> None:
             assert worst < 1e-8
 
 
+@pytest.mark.slow
 def test_natural_frequencies_have_these_derivatives() -> None:
     """That of the implicit function that the determinant defines, by differences, without damping."""
     cone = replace(ROW[1], ring=(*STEEL[:3], 0.0), core=(*CARBIDE[:3], 0.0))

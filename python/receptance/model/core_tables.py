@@ -59,6 +59,8 @@ _PLACES = {column.address: 2 + index for index, column in enumerate(Segment.layo
 _DIAMETERS = {*_END_OF, *_END_OF.values()}
 _UNIFORM = _PLACES["end_outer_diameter"] - 2
 """Number of columns of a circular cylinder, without nodes."""
+_WHOLE = (0.0, 1.0)
+"""Ends of a segment that is not divided, as shares of its length."""
 _COLUMNS = {
     "segments": 2 + len(Segment.layout) + len(Factors._fields),
     "joints": 2 + len(PointJoint.layout),
@@ -300,33 +302,43 @@ def _add_part(flat: Flat, name: str, part: Part, node: int) -> int:
     for segment in part.segments:
         end = start + segment.length
         inside = [x for x in positions if start < x < end]
+        conical = segment.is_conical
+        if not inside and not conical and segment.shape is None:
+            # The common case, without what divided segments need; the length is not rounded.
+            far = flat.new_node()
+            row = flat.add("segments", (node, far), segment.columns[:_UNIFORM])
+            pieces.append(_Pieces(segment, conical, [row], _WHOLE))
+            flat.nodes[name, end] = node = far
+            start = end
+            continue
         cuts = [start, *inside, end]
-        # The length and the end of a segment that is not split are not rounded.
-        shares = [(x - start) / segment.length for x in cuts[:-1]] + [1.0] if inside else [0.0, 1.0]
-        piece = _Pieces(segment, shares, [])
+        shares = [(x - start) / segment.length for x in cuts[:-1]] + [1.0] if inside else _WHOLE
+        piece = _Pieces(segment, conical, [], shares)
         pieces.append(piece)
         for number, (left, right) in enumerate(pairwise(cuts)):
             far = flat.new_node()
-            columns = piece.columns(number, right - left if inside else segment.length, plane)
-            piece.rows.append(flat.add("segments", (node, far), columns))
+            length = right - left if inside else segment.length
+            piece.rows.append(flat.add("segments", (node, far), piece.columns(number, length, plane)))
             flat.nodes[name, right] = node = far
         start = end
-    split = [(number, piece) for number, piece in enumerate(pieces) if len(piece.rows) > 1]
-    for i, (segment, _, rows) in enumerate(pieces):
-        values, conical = segment.columns, segment.is_conical
+    shifted = [(number, piece.entries_of_start()) for number, piece in enumerate(pieces) if len(piece.rows) > 1]
+    for i, (segment, conical, rows, _) in enumerate(pieces):
+        numbers = segment.columns
         for address, column in segment.places.items():
             parameter = f"{name}.segment[{i}].{address}"
-            if conical or address == "length":
+            if conical:
                 entries = pieces[i].entries(address)
             else:
-                entries = [(_SEGMENTS, row, 2 + column, 1.0) for row in rows]
-            if address == "length":
+                # A longer cylinder has a longer last piece; everything else changes all pieces.
+                changed = rows[-1:] if address == "length" else rows
+                entries = [(_SEGMENTS, row, 2 + column, 1.0) for row in changed]
+            if address == "length" and shifted:
                 # Positions are measured from the start of the part, so the cuts do not move: the last piece of this
                 # segment grows, and in each later segment the first piece shrinks and the last one grows.
-                for number, later in split:
+                for number, later in shifted:
                     if number > i:
-                        entries += later.entries_of_start()
-            flat.entries[parameter], flat.values[parameter] = entries, values[column]
+                        entries += later
+            flat.entries[parameter], flat.values[parameter] = entries, numbers[column]
     return node
 
 
@@ -334,19 +346,20 @@ class _Pieces(NamedTuple):
     """The rows of a segment that is split at some places."""
 
     segment: Segment
-    shares: list[float]
-    """Ends of the pieces as shares of the length, from 0 to 1."""
+    conical: bool
     rows: list[int]
     """Row of each piece in the table of segments."""
+    shares: Sequence[float]
+    """Ends of the pieces as shares of the length, from 0 to 1."""
 
     def columns(self, number: int, length: float, plane: Plane) -> list[float]:
-        """Return the columns of a piece without nodes."""
+        """Return the columns of a piece, without nodes."""
         segment = self.segment
-        if segment.shape is None and not segment.is_conical:
+        if segment.shape is None and not self.conical:
             return [length, *segment.columns[1:_UNIFORM]]
         columns = [length, *segment.columns[1:]]
         columns += segment.shape_columns(plane)
-        if segment.is_conical:
+        if self.conical:
             for shift, share in enumerate(self.shares[number : number + 2]):
                 diameters = segment.at(share)
                 for (near, far), diameter in zip(_END_OF.items(), diameters, strict=True):
@@ -354,15 +367,13 @@ class _Pieces(NamedTuple):
         return columns
 
     def entries(self, address: str) -> list[Entry]:
-        """Return the entries of the table that a parameter of the segment changes, the cuts staying in place."""
+        """Return the entries of the table that a parameter of a cone changes, the cuts staying in place."""
         column = _PLACES[address]
         if address == "length":
             # A cut lies at a smaller share of a longer segment.
-            if not self.segment.is_conical:
-                return [(_SEGMENTS, self.rows[-1], column, 1.0)]
             moved = self._moved([-share / self.segment.length for share in self.shares[:-1]] + [0.0])
             return [(_SEGMENTS, self.rows[-1], column, 1.0), *moved]
-        if not self.segment.is_conical or address not in _DIAMETERS:
+        if address not in _DIAMETERS:
             return [(_SEGMENTS, row, column, 1.0) for row in self.rows]
         near = address if address in _END_OF else next(key for key, end in _END_OF.items() if end == address)
         # The diameter at each cut is (1 - share) that of the near end + share that of the far end; where no diameter is
@@ -372,16 +383,15 @@ class _Pieces(NamedTuple):
         return self._at_cuts(near, weights)
 
     def entries_of_start(self) -> list[Entry]:
-        """Return the entries that a shift of the start of the segment changes, its cuts staying in place."""
+        """Return the entries that a shift of the start of the split segment changes, its cuts being fixed."""
         column = _PLACES["length"]
-        inner = [-1.0 / self.segment.length] * (len(self.shares) - 2)
-        first, last = (_SEGMENTS, self.rows[0], column, -1.0), (_SEGMENTS, self.rows[-1], column, 1.0)
-        return [first, last, *self._moved([0.0, *inner, 0.0])]
+        entries: list[Entry] = [(_SEGMENTS, self.rows[0], column, -1.0), (_SEGMENTS, self.rows[-1], column, 1.0)]
+        if self.conical:
+            entries += self._moved([0.0, *[-1.0 / self.segment.length] * (len(self.shares) - 2), 0.0])
+        return entries
 
     def _moved(self, rates: Sequence[float]) -> list[Entry]:
-        """Return the entries of the diameters at cuts whose shares change at some rates."""
-        if not self.segment.is_conical:
-            return []
+        """Return the entries of the diameters at cuts of a cone whose shares change at some rates."""
         entries = []
         for near, start, end in zip(_END_OF, *self.segment.ends, strict=True):
             entries += self._at_cuts(near, [rate * (end - start) for rate in rates])
