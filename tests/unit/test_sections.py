@@ -172,7 +172,7 @@ SQUARE = [(0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0)]
             {"points": SQUARE, "holes": [[(4, 4), (16, 4), (10, 16)], [(9, 6), (11, 6), (10, 8)]]},
             r"holes\[1\] and holes\[0\] overlap",
         ),
-        ({"points": _circle(9.0, MOST_POINTS + 1)}, "has 2001 points, expected at most 2000; take every 2th point"),
+        ({"points": _circle(9.0, MOST_POINTS + 1)}, "has 2001 points, expected at most 2000; take one point in 2"),
     ],
 )
 def test_errors_of_polygons_name_point_and_unit(arguments: dict[str, Any], words: str) -> None:

@@ -27,7 +27,7 @@ _COVERED = 1e-9
 
 _ACROSS, _ACROSS_WALL = 25.0, 4.0
 """Triangles across a compact section, and across a wall."""
-_MOST_CELLS = 20000
+_MOST_CELLS = 8000
 """Largest number of squares of the spacing within the area."""
 
 
@@ -43,7 +43,7 @@ class MeshError(ValueError):
 
 
 def spacing_for(outline: Outline) -> float:
-    """Return a spacing in m that resolves the walls of a section and keeps the number of nodes below 100 000."""
+    """Return a spacing in m that resolves the walls of a section and keeps the number of nodes below some 40 000."""
     area = sum(signed_area(ring) for ring in outline.rings)
     border = sum(float(np.sum(np.linalg.norm(np.roll(ring, -1, axis=0) - ring, axis=1))) for ring in outline.rings)
     return max(min(math.sqrt(area) / _ACROSS, 2.0 * area / border / _ACROSS_WALL), math.sqrt(area / _MOST_CELLS))

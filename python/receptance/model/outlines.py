@@ -176,8 +176,8 @@ def _ring(owner: str, points: Any, unit: str) -> Points:
         raise ValueError(f"{owner} has {len(array)} different points, expected at least 3")
     if len(array) > MOST_POINTS:
         raise ValueError(
-            f"{owner} has {len(array)} points, expected at most {MOST_POINTS}; take every "
-            f"{math.ceil(len(array) / MOST_POINTS)}th point, a hundred points of an arc are exact to 1e-4"
+            f"{owner} has {len(array)} points, expected at most {MOST_POINTS}; take one point in "
+            f"{math.ceil(len(array) / MOST_POINTS)}, a hundred points of an arc are exact to 1e-4"
         )
     steps = np.linalg.norm(np.roll(array, -1, axis=0) - array, axis=1)
     same = np.flatnonzero(steps <= _SAME * size)
