@@ -92,7 +92,7 @@ def test_all_flutes_have_a_section_between_core_and_cylinder(number: int) -> Non
         assert shape.is_isotropic
 
 
-def test_the_outline_has_the_integral_of_the_published_sector() -> None:
+def test_the_outline_has_the_integral_of_its_formula() -> None:
     """Four flutes: the region below the arc a sin + sqrt(r^2 - a^2 cos^2) less the half circle, by quadrature."""
     outer, core = 0.5, 0.6
     inner = core * outer

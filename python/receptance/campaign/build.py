@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NoReturn, TypeVar
 
-from receptance import coupling, drawing
+from receptance import coupling, drawing, units
 from receptance._text import did_you_mean, instead_of, one_of
 from receptance.campaign.keys import ElementTable
 from receptance.campaign.problems import CampaignError, KeyPath, Problems, path_text
@@ -27,6 +27,7 @@ from receptance.campaign.schema import (
     SpindleTable,
     UnknownTable,
 )
+from receptance.campaign.shapes import shape_of
 from receptance.campaign.values import PLAIN_NUMBER, kind_of, prior_of
 from receptance.coupling.unknown_modes import bounds_of_modes
 from receptance.errors import ReceptanceError
@@ -240,9 +241,20 @@ class Builder:
             text = "is missing: one or more tables `[[parts.NAME.segments]]`, or the file of a drawing as `contour`"
             self.fail((*path, "segments"), text)
         rows = enumerate(table.segments)
-        segments = self.together(partial(self.element, row, ("parts", name, "segments", i)) for i, row in rows)
+        segments = self.together(partial(self._segment, row, ("parts", name, "segments", i)) for i, row in rows)
         made = Part(segments, name=name)
         return coupling.as_rigid(made) if table.rigid else made
+
+    def _segment(self, table: ElementTable, path: KeyPath) -> Segment:
+        """Return a segment; one with a shape may have the size of the shape."""
+        shape, outer = None, table.outer_diameter
+        if table.shape is not None:
+            shape = self.make((*path, "shape"), shape_of, table.shape, outer, self.folder)
+            outer = shape.diameter if outer is None else outer
+        elif outer is None:
+            self.fail((*path, "outer_diameter"), f"is missing: outer diameter, such as {units.LENGTH.example}")
+        made: Segment = self.element(table, path, outer_diameter=outer, shape=shape)
+        return made
 
     def _part_of_contour(self, name: str, table: PartTable, file: str) -> Part:
         """Return the part of a drawing; what the drawing does not state is noted."""

@@ -42,6 +42,7 @@ from receptance.campaign.keys import (
     value_of_unknown,
     word,
 )
+from receptance.campaign.shapes import ShapeTable
 from receptance.campaign.values import (
     parse_condition,
     parse_damping_deviation,
@@ -93,7 +94,18 @@ _FLOOR = deviation_share(
 
 
 MATERIAL = element_keys(Material)
-SEGMENT = element_keys(Segment, without=("shape",))
+
+
+class SegmentKeys(KeyTable):
+    """A Timoshenko beam: a cylinder or a cone, solid, hollow, or hollow and filled; or one with a shape of its own."""
+
+    outer_diameter: float | None = Number(
+        units.LENGTH, "outer diameter; not needed with a shape that has a size of its own"
+    ).default(None)
+    shape: ShapeTable | None = ShapeTable.keys("shape of the section; by default a circle or ring").default(None)
+
+
+SEGMENT = element_keys(Segment, more=SegmentKeys)
 
 
 class ContourSpread(KeyTable):

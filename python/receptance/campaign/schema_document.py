@@ -7,6 +7,7 @@ from typing import Any
 
 from receptance.campaign import schema as tables
 from receptance.campaign.keys import Keys, KeyTable, element_keys
+from receptance.campaign.shapes import ShapeTable
 from receptance.model.beams import Section
 from receptance.model.joints import PointJoint
 
@@ -17,6 +18,7 @@ _SECTIONS: tuple[tuple[Any, str], ...] = (
     (tables.PartTable, "`[parts.NAME]`"),
     (tables.ContourSpread, "`tolerance` of a part with a contour"),
     (tables.SEGMENT, "`[[parts.NAME.segments]]`"),
+    (ShapeTable, "`shape` of a segment"),
     (tables.MODAL_PART, "`[modal_parts.NAME]`"),
     (tables.MODE, "`[[modal_parts.NAME.modes]]`"),
     (tables.SpindleTable, "`[spindles.NAME]`"),

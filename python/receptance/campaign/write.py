@@ -21,6 +21,7 @@ from receptance.campaign.data import CampaignData
 from receptance.campaign.diagnosis import base_model
 from receptance.campaign.identification import parts_to_start
 from receptance.campaign.schema import ATTACHMENTS, JOINTS
+from receptance.campaign.shapes import shape_keys
 from receptance.campaign.values import PLAIN_NUMBER, kind_of
 from receptance.diagnosis import Verdict
 from receptance.diagnosis.causes import Variant, transfer
@@ -67,7 +68,9 @@ class _Materials:
 def _element_table(element: Any, materials: _Materials) -> dict[str, Any]:
     """Return the table of a part, a joint or a modal part, without tolerances; new materials are added."""
     if isinstance(element, Part):
-        return {"segments": [_field_table(segment, materials) for segment in element.segments]}
+        return {
+            "segments": [{**_field_table(segment, materials), **shape_keys(segment)} for segment in element.segments]
+        }
     if isinstance(element, ModalPart):
         if element.band_hz is not None:
             raise ValueError(f"{element!r} has a frequency band, which the table of a modal part cannot contain")
@@ -98,7 +101,7 @@ def _field_table(element: Element, materials: _Materials) -> dict[str, Any]:
     table: dict[str, Any] = {}
     for name, of in element.declared.items():
         value = getattr(element, name)
-        if name == "name" or value == getattr(type(element), name, MISSING):
+        if name in ("name", "shape") or value == getattr(type(element), name, MISSING):
             continue
         if not isinstance(of, Member):
             table[name] = of.write(value)

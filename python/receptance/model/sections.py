@@ -86,6 +86,8 @@ class SectionShape:
         Outlines of the holes.
     name : str, optional
         What the shape is, for reports.
+    recipe : tuple of tuples, optional
+        Arguments of the constructor by name, with which files state the shape.
 
     Examples
     --------
@@ -109,6 +111,7 @@ class SectionShape:
     outline: tuple[Point, ...] = field(default=(), compare=False, repr=False)
     holes: tuple[tuple[Point, ...], ...] = field(default=(), compare=False, repr=False)
     name: str = field(default="", compare=False)
+    recipe: tuple[tuple[str, int | float | str], ...] = field(default=(), compare=False, repr=False)
 
     def __post_init__(self) -> None:
         owner = "SectionShape"
@@ -158,6 +161,7 @@ class SectionShape:
             hutchinson=(_rectangle_hutchinson(width, height), _rectangle_hutchinson(height, width)),
             outline=((-x, -y), (x, -y), (x, y), (-x, y)),
             name=f"rectangle {1e3 * width:g} x {1e3 * height:g} mm",
+            recipe=(("width", width), ("height", height)),
         )
 
     @classmethod
@@ -335,7 +339,9 @@ class SectionShape:
             diameter=float(diameter),
             name=name or f"{number} flutes, core {1e3 * core_diameter:.4g} of {1e3 * diameter:.4g} mm",
         )
-        return shape if straight or number > 2 else shape.averaged()
+        twisted = shape if straight or number > 2 else shape.averaged()
+        recipe = (("flutes", int(number)), ("core_diameter", float(core_diameter)))
+        return replace(twisted, recipe=(*recipe, ("straight", True)) if straight else recipe)
 
     @classmethod
     def _of(cls, outline: Outline, *, name: str = "", diameter: float | None = None) -> SectionShape:
@@ -379,6 +385,7 @@ class SectionShape:
             cowper=mean_of_planes(self.cowper),
             hutchinson=mean_of_planes(self.hutchinson),
             angle=0.0,
+            recipe=self._recipe_in("mean"),
         )
 
     @property
@@ -471,7 +478,20 @@ class SectionShape:
             hutchinson=self.hutchinson[::-1],
             outline=around[0],
             holes=around[1:],
+            # Without other arguments the outline itself is turned.
+            recipe=self._recipe_in("y" if self._plane == "x" else "x") if self.recipe[:1] else (),
         )
+
+    @property
+    def _plane(self) -> int | float | str:
+        """The plane of the recipe."""
+        return dict(self.recipe).get("plane", "y")
+
+    def _recipe_in(self, plane: Plane) -> tuple[tuple[str, int | float | str], ...]:
+        """Return the recipe with another plane; the mean of both is that of a turned shape as well."""
+        others = tuple(item for item in self.recipe if item[0] != "plane")
+        plane = "mean" if self._plane == "mean" else plane
+        return others if plane == "y" else (*others, ("plane", plane))
 
     def _axis(self, plane: Plane) -> int:
         """Return the index of the principal axis of a plane."""

@@ -1,0 +1,108 @@
+"""Sections that are not circular in campaign files."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from receptance import Assembly, Part, SectionShape, Segment, campaign
+from receptance.campaign.shapes import shape_keys
+
+HEAD = """
+[materials.steel]
+youngs_modulus = "210 GPa"
+density = "7850 kg/m3"
+poisson_ratio = 0.3
+
+[parts.bar]
+
+[[parts.bar.segments]]
+length = "100 mm"
+material = "steel"
+"""
+TAIL = """
+
+[assemblies.free]
+chain = ["bar"]
+"""
+
+
+def read(folder: Path, lines: str) -> Segment:
+    file = folder / "campaign.toml"
+    file.write_text(HEAD + lines + TAIL, encoding="utf-8")
+    return campaign.load(file).assemblies["free"].parts["bar"].segments[0]
+
+
+@pytest.mark.parametrize(
+    ("lines", "shape"),
+    [
+        (
+            'outer_diameter = "12 mm"\nshape = { flutes = 4, core_diameter = "7 mm" }',
+            SectionShape.fluted(4, diameter=0.012, core_diameter=0.007),
+        ),
+        (
+            'outer_diameter = "12 mm"\nshape = { flutes = 2, core_diameter = "8 mm", straight = true, plane = "x" }',
+            SectionShape.fluted(2, diameter=0.012, core_diameter=0.008, straight=True).turned(),
+        ),
+        ('shape = { width = "50 mm", height = "2 mm" }', SectionShape.rectangle(0.05, 0.002)),
+        ('shape = { width = "50 mm", height = "2 mm", plane = "x" }', SectionShape.rectangle(0.05, 0.002).turned()),
+        (
+            'shape = { width = "5 mm", height = "2 mm", plane = "mean" }',
+            SectionShape.rectangle(0.005, 0.002).averaged(),
+        ),
+        (
+            'shape = { points = [[0, 0], [30, 0], [30, 20], [0, 20]], unit = "mm" }',
+            SectionShape.polygon([(0, 0), (30, 0), (30, 20), (0, 20)], unit="mm"),
+        ),
+    ],
+)
+def test_shapes_are_read_and_written(tmp_path: Path, lines: str, shape: SectionShape) -> None:
+    segment = read(tmp_path, lines)
+    assert segment.shape == shape
+    assert segment.outer_diameter == pytest.approx(shape.diameter, rel=1e-12)
+    # As another size and as written again: the same receptance.
+    larger = Segment(length=0.1, outer_diameter=1.5 * shape.diameter, shape=shape, material=segment.material)
+    table = shape_keys(larger)["shape"]
+    values = ", ".join(f"{key} = {_toml(value)}" for key, value in table.items())
+    again = read(tmp_path, f'outer_diameter = "{1e3 * larger.outer_diameter!r} mm"\nshape = {{ {values} }}')
+    lines_hz = [500.0, 5e3]
+    expected, found = (Assembly([Part([part])]).receptance(lines_hz) for part in (larger, again))
+    np.testing.assert_allclose(found, expected, rtol=1e-8)
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, bool):
+        return str(value).lower()
+    return repr(value)
+
+
+def test_an_outline_is_read_from_a_file(tmp_path: Path) -> None:
+    (tmp_path / "strip.csv").write_text("x [mm],y [mm]\n0,0\n50,0\n50,2\n0,2\n", encoding="utf-8")
+    segment = read(tmp_path, 'shape = { outline = "strip.csv" }')
+    assert segment.mass == pytest.approx(7850 * 0.1 * 0.05 * 0.002)
+    assert segment.outer_diameter == pytest.approx(np.hypot(0.05, 0.002))
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ('outer_diameter = "12 mm"\nshape = { core_diameter = "7 mm" }', "has none of them, expected one of `flutes`"),
+        ('outer_diameter = "12 mm"\nshape = { flutes = 4 }', "has `flutes` without `core_diameter`"),
+        ('shape = { flutes = 4, core_diameter = "7 mm" }', "expected `outer_diameter` of the segment as well"),
+        ('outer_diameter = "12 mm"\nshape = { flutes = 4, core_diameter = "13 mm" }', "core_diameter"),
+        ('shape = { width = "50 mm" }', "has `width` without `height`"),
+        ('shape = { width = "50 mm", height = "2 mm", straight = true }', "`straight` beside `width`"),
+        ('outer_diameter = "40 mm"\nshape = { width = "50 mm", height = "2 mm" }', "outer_diameter is 40 mm"),
+        ('shape = { points = [[0, 0], [1, 1], [1, 0], [0, 1]], unit = "mm" }', "cross"),
+        ('shape = { points = [[0, 0], [1, "a"]], unit = "mm" }', "expected two numbers"),
+        ("shape = { points = [[0, 0], [1, 0], [1, 1]] }", "has `points` without `unit`"),
+        ('shape = { outline = "none.csv" }', "does not exist"),
+        ("", "outer_diameter: is missing"),
+    ],
+)
+def test_mistakes_are_told(tmp_path: Path, lines: str, message: str) -> None:
+    with pytest.raises(campaign.CampaignError) as error:
+        read(tmp_path, lines)
+    assert message in str(error.value).replace(", parts.bar.segments[0].", " "), str(error.value)
