@@ -9,8 +9,9 @@ radius R = D / 2, the radius R_c of the core and the depth f = R - R_c of the fl
 - the flute, half a circle of diameter f on the line from the core to the cutting edge, cut into the sector.
 
 The paper was not at hand: the arc is that of its tool with four flutes as it is cited elsewhere; the half circle of the
-flute and the centre of the arc for other numbers of flutes are ours. The back begins on the core if a = (R^2 - R_c^2) / (2 (R - R_c cos(2 pi / N))). Tools with a land, a second relief or a
-web of other form have other sections; state them by points or by properties.
+flute and the centre of the arc for other numbers of flutes are ours. The back begins on the core if
+a = (R^2 - R_c^2) / (2 (R - R_c cos(2 pi / N))). Tools with a land, a second relief or a web of other form have other
+sections; state them by points or by properties.
 """
 
 from __future__ import annotations
