@@ -292,6 +292,14 @@ class _Sketch:
     ) -> None:
         (outer, inner), (end_outer, end_inner) = ends
         half = 0.5 * _MM
+        if isinstance(section, Segment) and section.shape is not None and section.shape.outline:
+            # As seen across the deflection; what is left of the flutes is hatched, and the core is plain.
+            height, core = 2.0 * max(abs(y) for _, y in section.shape.outline), _inscribed(section.shape.outline)
+            fill, fluted = self._fill(section.material), "flutes" in dict(section.shape.recipe)
+            sizes = [(height, "" if not fluted else "////"), *([(core, "")] if fluted else [])]
+            for size, hatch in sizes:
+                self.bodies.append(_Body(x, length, half * size * outer, half * size * end_outer, fill, hatch, edge))
+            return
         self.bodies.append(_Body(x, length, half * outer, half * end_outer, self._fill(section.material), "", edge))
         if inner or end_inner:
             fill = self._fill(section.core) if section.core is not None else "white"
@@ -403,13 +411,30 @@ class _Sketch:
         axes.plot([x], [y + offset], marker=marker, color=colour, markersize=6, zorder=7, linestyle="none")
 
 
+def _inscribed(outline: Sequence[tuple[float, float]]) -> float:
+    """Return the diameter of the largest circle about the origin within an outline."""
+    points = np.array(outline)
+    along = np.roll(points, -1, axis=0) - points
+    share = -np.sum(points * along, axis=1) / np.maximum(np.sum(along**2, axis=1), np.finfo(float).tiny)
+    nearest = points + np.clip(share, 0.0, 1.0)[:, None] * along
+    return 2.0 * float(np.min(np.hypot(*nearest.T)))
+
+
 def _diameters(segment: Segment) -> str:
     """Return the outer diameter and that of the bore in mm, both ends of a cone."""
     outer, inner = (
         f"{_MM * near:.4g}" if near == far else f"{_MM * near:.4g}–{_MM * far:.4g}"
         for near, far in zip(*segment.ends, strict=True)
     )
-    return f"ø{outer}{'' if inner == '0' else f'/{inner}'}"
+    text = f"ø{outer}{'' if inner == '0' else f'/{inner}'}"
+    if segment.shape is None:
+        return text
+    if flutes := dict(segment.shape.recipe).get("flutes"):
+        return f"{text}, {flutes} flutes"
+    if not segment.shape.outline or segment.is_conical:
+        return f"{text}, not round"
+    sides = np.ptp(np.array(segment.shape.outline), axis=0) * _MM * segment.outer_diameter
+    return f"{sides[0]:.4g} x {sides[1]:.4g}"
 
 
 def _grams(mass: float) -> str:
