@@ -33,8 +33,10 @@ _SIZE = 8.5
 _FILLS = ("#C9D3DC", "#8E9AA6", "#E3D3B4", "#B9CDB5", "#D8BFD0")
 """Fills of materials in the order in which they occur."""
 _MM = 1e3
-_MOST_LABELLED = 20
-"""Most segments of a part that are labelled; a part of more, as from a contour, has the labels of its ends."""
+_MOST_LABELLED = 8
+"""Most segments of a part that are all labelled; of a part of more, as from a contour, only the long ones are."""
+_SHORT = 0.08
+"""Largest share of the length of such a part up to which a segment has no label and a thin outline."""
 
 
 @dataclass(frozen=True)
@@ -268,15 +270,17 @@ class _Sketch:
             self._add_mark(mark)
 
     def _add_part(self, x: float, part: Part) -> None:
-        start, are_labelled = x, len(part.segments) <= _MOST_LABELLED
+        start, least = x, _SHORT * part.length if len(part.segments) > _MOST_LABELLED else 0.0
+        labelled = 0
         for segment in part.segments:
-            length = _MM * segment.length
-            self._add_section(x, length, segment, segment.ends, 0.8 if are_labelled else 0.2)
-            if are_labelled:
+            length, is_long = _MM * segment.length, segment.length > least
+            self._add_section(x, length, segment, segment.ends, 0.8 if is_long else 0.2)
+            if is_long:
+                labelled += 1
                 self._label(x + 0.5 * length, 0.5 * _MM * segment.at(0.5)[0], _diameters(segment), INK)
                 self._label_below(x, length, f"{length:.4g}")
             x += length
-        if not are_labelled:
+        if not labelled:
             for at, (outer, inner) in ((start, part.segments[0].ends[0]), (x, part.segments[-1].ends[1])):
                 bore = f"/{_MM * inner:.4g}" if inner else ""
                 self._label(at, 0.5 * _MM * outer, f"ø{_MM * outer:.4g}{bore}", INK)
