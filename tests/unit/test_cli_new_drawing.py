@@ -84,7 +84,7 @@ def test_the_lines_of_contour_and_tables_of_points_are_holders(tmp_path: Path, m
     assert isinstance(drawn, DrawnHolder)
     assert (drawn.file, dict(drawn.keys)) == ("holder.csv", {})
     # What a drawing does not state is in the lines of a campaign.
-    with pytest.raises(ValueError, match="--campaign-lines > FILE.toml"):
+    with pytest.raises(ValueError, match=r"--campaign-lines > FILE\.toml"):
         parse_holder("bare.csv")
     Path("holder.toml").write_text(
         '[parts.nose]\ncontour = "bare.csv"\nmaterial = "steel"\nunit = "mm"\n', encoding="utf-8"
