@@ -18,6 +18,7 @@ from blind.generator import Nominal
 from blind.generator.flutes import outline
 from blind.generator.geometry import ends_of, is_conical
 from receptance import Material, SectionShape, Segment
+from receptance.model.sections import Shear
 
 EFFECTIVE = 0.8
 """Effective diameter of flutes over that of their cutting edges, after Kops and Vo (1990)."""
@@ -25,7 +26,7 @@ DRAWN = 0.01
 """Diameter in m with which outlines are drawn; a shape has no size."""
 
 
-def tool_segments(nominal: Nominal, overhang: float, material: Material, shear: str) -> list[Segment]:
+def tool_segments(nominal: Nominal, overhang: float, material: Material, shear: Shear) -> list[Segment]:
     """Return the segments of a fluted tool."""
     p = nominal.numbers
     diameter = p["tool.diameter"] * p["flute.ratio"]
@@ -43,7 +44,7 @@ def _shape(number: int, core: float, opening: float) -> SectionShape:
     return shape.averaged() if number == 2 else shape
 
 
-def holder_segments(nominal: Nominal, materials: Mapping[str, Material], shear: str) -> list[Segment]:
+def holder_segments(nominal: Nominal, materials: Mapping[str, Material], shear: Shear) -> list[Segment]:
     """Return the segments of a conical holder; those that hold the shank have a core."""
     p = nominal.numbers
     segments: list[Segment] = []
@@ -62,8 +63,9 @@ def holder_segments(nominal: Nominal, materials: Mapping[str, Material], shear: 
             groove = nominal.geometry == "right" and i == 1 and "patch.groove.start" in p
             segments += _grooved(whole, p, begin) if groove else [whole]
         elif nominal.geometry == "right":
-            ends = {"end_outer_diameter": outer[1]} | ({} if i == 0 else {"end_inner_diameter": inner[1]})
-            segments.append(replace(whole, **ends))
+            # The bore that holds the shank is a cylinder.
+            bore = None if i == 0 else inner[1]
+            segments.append(replace(whole, end_outer_diameter=outer[1], end_inner_diameter=bore))
         else:
             for share in (0.25, 0.75):
                 mean = outer[0] + share * (outer[1] - outer[0])

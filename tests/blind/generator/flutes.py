@@ -22,6 +22,12 @@ from scipy.sparse.linalg import spsolve
 
 ARC_POINTS = 60
 """Points of a flute, and of a land."""
+CORES_AND_OPENINGS = {
+    2: ((0.50, 0.60), (0.45, 0.52)),
+    3: ((0.50, 0.62), (0.64, 0.74)),
+    4: ((0.50, 0.65), (0.70, 0.80)),
+}
+"""Usual ratios of core diameter and diameter, and shares of the circumference that flutes take, by their number."""
 CELLS, SAMPLES = 72, 8
 """Cells of the grid along the diameter, and samples along the side of a cell."""
 

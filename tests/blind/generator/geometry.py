@@ -20,7 +20,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from .elements import ComplexArray, FloatArray, Ring, Structure, rigidities, shape_functions
-from .flutes import section_of
+from .flutes import CORES_AND_OPENINGS, section_of
 
 Rings = Callable[[float], Sequence[Ring]]
 """Returns the rings of a section from its place in m behind the start of a beam."""
@@ -32,8 +32,6 @@ DEGREE, LONGEST, POINTS = 5, 0.0125, 12
 """Degree of the polynomials, the longest element in m, and its points of integration."""
 BOTH_CONES, FUNNEL = 0.5, 0.5
 """Shares of holders with two cones, and of those with a conical bore; the others have a groove."""
-OPENINGS = {2: (0.45, 0.52), 3: (0.64, 0.74), 4: (0.70, 0.80)}
-CORES = {2: (0.50, 0.60), 3: (0.50, 0.62), 4: (0.50, 0.65)}
 
 
 def varying(structure: Structure, start: int, length: float, rings_at: Rings) -> int:
@@ -52,7 +50,9 @@ def varying(structure: Structure, start: int, length: float, rings_at: Rings) ->
     return structure.elements(start, count, DEGREE, matrices)
 
 
-def _element(length: float, sections: Sequence[tuple[complex, complex, float, float]]) -> tuple[ComplexArray, FloatArray]:
+def _element(
+    length: float, sections: Sequence[tuple[complex, complex, float, float]]
+) -> tuple[ComplexArray, FloatArray]:
     """Return stiffness and mass of an element from its sections at the points of integration."""
     weights, values, slopes = shape_functions(DEGREE, POINTS)
     shear, bending, mass, rotary = (weights * np.array(one) for one in zip(*sections, strict=True))
@@ -111,11 +111,12 @@ def draw_geometry(rng: np.random.Generator, p: Mapping[str, float]) -> dict[str,
         ends = {"start": middle - 0.5 * width, "end": middle + 0.5 * width}
         fields = {"part": 1.0, **ends, "outer": 1.0 - 2.0 * depth / p["holder.1.outer"]}
         found |= {f"patch.groove.{name}": value for name, value in fields.items()}
-    number = int(rng.choice(list(OPENINGS)))
+    number = int(rng.choice(list(CORES_AND_OPENINGS)))
+    cores, openings = CORES_AND_OPENINGS[number]
     found |= {
         "flute.number": float(number),
-        "flute.core": float(rng.uniform(*CORES[number])),
-        "flute.opening": float(rng.uniform(*OPENINGS[number])),
+        "flute.core": float(rng.uniform(*cores)),
+        "flute.opening": float(rng.uniform(*openings)),
         "flute.length": round(float(rng.uniform(1.6, 2.4)) * diameter, 4),
         "flute.ratio": 1.0,
     }

@@ -97,9 +97,7 @@ class Row:
             self.x = cut
             self.stations[cut] = self.at
 
-    def _changing(
-        self, rings: Callable[[float], list[Ring]], middle: float, before: float, place: float
-    ) -> list[Ring]:
+    def _changing(self, rings: Callable[[float], list[Ring]], middle: float, before: float, place: float) -> list[Ring]:
         return self.section(middle, rings(before + place))
 
     def __getitem__(self, place: float) -> int:
