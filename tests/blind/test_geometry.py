@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from blind.bridge import ask, assembly_of, simulated, tolerances_of
-from blind.generator import GEOMETRIES, draw_case, rig
-from blind.generator.case import numbers_of, where_of
+from blind.generator import CATALOGUE, GEOMETRIES, OUTSIDE, draw_bench, draw_case, rig
+from blind.generator.case import numbers_of, true_numbers, where_of
 from blind.generator.elements import Ring, Structure, cowper
 from blind.generator.flutes import CORES_AND_OPENINGS, moments, outline, section_of, shear_flexibility
 from blind.generator.geometry import varying
@@ -191,6 +191,25 @@ def test_mesh_is_fine_enough_for_cones(index):
     p = truth.new_numbers[case.new_tools[0].name]
     coarse, fine = (rig.build(p, refinement)[0].natural_frequencies(9000.0) for refinement in (1.0, 2.0))
     assert coarse == pytest.approx(fine, rel=1e-7)
+
+
+@pytest.mark.parametrize("id", [*CATALOGUE, *OUTSIDE])
+def test_every_effect_acts_on_cones_and_flutes(id):
+    print("seed", SEED)
+    bench = draw_bench(
+        np.random.default_rng([SEED, 1]), (SEED, 1), "single", (id,), u=0.8, quick=True, geometry="right"
+    )
+    (effect,), configuration = bench.truth.effects, bench.nominal.configurations[0]
+    where = where_of(bench.truth, configuration, max(bench.truth.setups), 2)
+    lines = np.arange(300.0, 4000.0, 43.0)
+    plain, hidden = (
+        rig.recorded(true_numbers(bench.nominal, bench.truth, bench.truth.joint, {}, effects, where), lines)
+        for effects in ((), ((effect, None),))
+    )
+    assert np.isfinite(hidden).all()
+    assert np.abs(np.log(np.abs(hidden / plain))).max() + np.abs(np.angle(hidden / plain)).max() > 1e-3
+    for level in GEOMETRIES:
+        assert assembly_of(replace(bench.nominal, geometry=level), configuration).natural_frequencies(3000.0).size
 
 
 def test_descriptions_share_truth_and_records():
