@@ -10,8 +10,10 @@ wrong
 effect
     Such a verdict, and all that is reported is right and holds every hidden effect or what looks the same.
 description
-    Such a verdict, and all that is reported is right, but it leaves out a hidden effect, or nothing is hidden. Of a
-    right description this is half of a pair.
+    Such a verdict, and all that is reported is right and names the description, but a hidden effect is left out, or
+    nothing is hidden.
+part
+    Such a verdict, and all that is reported is right, but one effect of two is left out.
 misleading, open
     The verdict is "suspected" or "ambiguous", and nothing that is reported is right, or something is.
 adequate, unexplained, undecided, failed
@@ -35,7 +37,18 @@ DESCRIBES = ("fluted_part", "tip_diameter")
 """Causes whose remedy leads to a section that is described wrongly: flutes, or another diameter towards the tip."""
 NAMING = ("named", "partly explained")
 OPEN = ("suspected", "ambiguous")
-ANSWERS = ("wrong", "effect", "description", "misleading", "open", "adequate", "unexplained", "undecided", "failed")
+ANSWERS = (
+    "wrong",
+    "effect",
+    "description",
+    "part",
+    "misleading",
+    "open",
+    "adequate",
+    "unexplained",
+    "undecided",
+    "failed",
+)
 
 
 def answer_of(o: Outcome) -> str:
@@ -45,7 +58,9 @@ def answer_of(o: Outcome) -> str:
     if o.verdict in NAMING:
         if len(right) < len(o.reported):
             return "wrong"
-        return "effect" if o.in_set else "description"
+        if o.in_set:
+            return "effect"
+        return "description" if any(id in described for id in o.reported) else "part"
     if o.verdict in OPEN:
         return "open" if right else "misleading"
     return o.verdict

@@ -274,6 +274,8 @@ def outcome(level, verdict, reported, effects=(), same=(), kind="single", large=
         ("crude", "named", ("time_delay", "fluted_part"), ("time_delay",), "effect"),
         ("right", "named", ("time_delay", "fluted_part"), ("time_delay",), "wrong"),
         ("crude", "named", ("fluted_part",), ("time_delay",), "description"),
+        ("crude", "named", ("time_delay",), ("time_delay", "collet_mass"), "part"),
+        ("right", "partly explained", ("time_delay",), ("time_delay", "collet_mass"), "part"),
         ("right", "ambiguous", ("time_delay", "sensor_mass"), ("time_delay",), "open"),
         ("crude", "suspected", ("sensor_mass",), ("time_delay",), "misleading"),
         ("right", "adequate", (), (), "adequate"),
