@@ -11,6 +11,8 @@ so `--budget` may end a run early: after so many minutes no case is begun any mo
 `--advice` scores the advised measurements alone and asks the oracle of ambiguous cases only.
 `--holder LEVEL ...` runs the same list of cases with less knowledge of the holder, and each level has a table of its
 own; `tests/blind/generator/knowledge.py` says how the levels are drawn.
+`--geometry LEVEL ...` makes the holders conical and the tools fluted, described crudely by cylinders or as they are;
+the rules of its score are in `tests/blind/geometry_score.py`, and `--score` needs the option as well.
 `--neighbours` makes ordinary errors that the catalogue does not contain, all kinds of `tests/blind/neighbours` in turn,
 and counts how often they are named or partly explained wrongly; `--only` then chooses among these kinds, and `--score`
 needs the option as well. Kinds that the catalogue contains by now are run in turn if `--only` names them.
@@ -36,7 +38,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from blind.bridge import ask
 from blind.files import add_options, append, read, run_batch
-from blind.generator import CATALOGUE, KINDS, LEVELS, NEIGHBOUR, OUTSIDE, alone, every
+from blind.generator import CATALOGUE, GEOMETRIES, KINDS, LEVELS, NEIGHBOUR, OUTSIDE, alone, every
+from blind.geometry_score import report as report_of_geometry
+from blind.geometry_score import table as of_geometry
 from blind.neighbours import COVERED, NEIGHBOURS
 from blind.neighbours import every as every_neighbour
 from blind.neighbours.outcome import run_neighbour
@@ -58,6 +62,14 @@ def main(arguments: list[str] | None = None) -> int:
         help="what is known of the holder, by default its dimensions with ordinary tolerances; each case is run at "
         "all levels that are given",
     )
+    parser.add_argument(
+        "--geometry",
+        choices=GEOMETRIES,
+        nargs="+",
+        default=[],
+        help="conical holders and fluted tools, described by cylinders that are stated as exact, or as they are; each "
+        "case is run with all descriptions that are given",
+    )
     parser.add_argument("--effects", choices=CATALOGUE, nargs="+", metavar="ID", help="one of these in every case")
     parser.add_argument(
         "--only",
@@ -73,11 +85,15 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if options.neighbours and (options.advice or options.effects or options.holder != [""]):
         parser.error("--neighbours has no --advice, --effects and --holder")
+    if options.geometry and (options.neighbours or options.advice or options.holder != [""]):
+        parser.error("--geometry has no --neighbours, --advice and --holder")
     if options.only and options.neighbours != set(options.only).issubset({*NEIGHBOURS, *COVERED}):
         parser.error("--only chooses among the kinds of neighbours with --neighbours, and among the others without it")
     scored = (report_of_advice, of_advice) if options.advice else (report, table)
     if options.neighbours:
         scored = (report_of_neighbours, of_neighbours)
+    if options.geometry:
+        scored = (report_of_geometry, of_geometry)
     run_batch(options, functools.partial(run, options), *scored)
     return 0
 
@@ -85,7 +101,8 @@ def main(arguments: list[str] | None = None) -> int:
 def run(options: argparse.Namespace, seed: int) -> list[Outcome]:
     """Return the outcomes of a shard, those that were finished before included."""
     outcomes = [o for o in read([options.resume]) if o.seed == seed] if options.resume else []
-    outcomes = [o for o in outcomes if o.knowledge in options.holder and options.neighbours == (o.kind == NEIGHBOUR)]
+    levels = options.geometry or options.holder
+    outcomes = [o for o in outcomes if o.knowledge in levels and options.neighbours == (o.kind == NEIGHBOUR)]
     done = {(o.knowledge, o.index) for o in outcomes}
     own, count = options.shard
     begun = time.perf_counter()
@@ -99,7 +116,7 @@ def run(options: argparse.Namespace, seed: int) -> list[Outcome]:
         for index, case in enumerate(plan)
         if not options.only or not set(options.only).isdisjoint((case[0], *case[1]))
     ]
-    cases = [(level, *case) for case in chosen for level in options.holder]
+    cases = [(level, *case) for case in chosen for level in levels]
     for level, index, (kind, effects) in cases:
         if index % count != own - 1 or (level, index) in done:
             continue
@@ -110,7 +127,8 @@ def run(options: argparse.Namespace, seed: int) -> list[Outcome]:
         if options.neighbours:
             one = run_neighbour(seed, index, *effects, asked, quick=options.quick)
         else:
-            how = {"quick": options.quick, "knowledge": level, "advice": options.advice}
+            how = {"quick": options.quick, "geometry" if options.geometry else "knowledge": level}
+            how |= {"advice": options.advice}
             one = run_case(seed, index, kind, effects, asked, **how)
         outcomes.append(one)
         sizes = ", ".join(f"{id} {u:.2f}" for id, u in zip(one.effects, one.sizes, strict=True)) or "nothing"

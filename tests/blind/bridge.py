@@ -1,4 +1,5 @@
-"""From a case to objects of the package, and from its verdict to plain values: the only place that imports it.
+"""From a case to objects of the package, and from its verdict to plain values: the only place that imports it,
+with `bridge_geometry` for cones and flutes.
 
 It passes the content of a campaign file: nominal dimensions, stated tolerances, the joint as
 unknown, and the FRFs with their metadata. It does not use the truth.
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from blind.bridge_geometry import geometry_addresses, holder_segments, tool_segments
 from blind.generator import Blank, Case, Configuration, Modes, Nominal, Record, Table
 from blind.generator.records import Estimate
 from receptance import (
@@ -196,6 +198,9 @@ def assembly_of(nominal: Nominal, configuration: Configuration, holder: Holder |
                 shear=shear,
             )
         )
+    if nominal.geometry:
+        tool = tool_segments(nominal, configuration.overhang, material["tool"], shear)
+        sections = holder_segments(nominal, material, shear)
     joint = {name.split(".")[1]: value for name, value in START.items()}
     link: PointJoint | SpreadJoint = PointJoint(**joint, name="joint")
     if nominal.layer:
@@ -220,6 +225,8 @@ def assembly_of(nominal: Nominal, configuration: Configuration, holder: Holder |
 
 def _addresses(nominal: Nominal, number: str) -> list[str]:
     """Return the addresses that a number of the laboratory has in the assemblies."""
+    if nominal.geometry:
+        return geometry_addresses(nominal, number)
     kind, *rest = number.split(".")
     fields = {
         "modulus": "youngs_modulus",

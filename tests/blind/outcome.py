@@ -11,7 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from blind.generator import CATALOGUE, CHANGES, INSIDE, Case, Truth, draw_case, measured_again, shown_by, shuffled
+from blind.generator import (
+    CATALOGUE,
+    CHANGES,
+    GEOMETRIES,
+    INSIDE,
+    Case,
+    Truth,
+    draw_case,
+    measured_again,
+    shown_by,
+    shuffled,
+)
 from blind.generator.case import UPPER_HZ
 from blind.oracle import consult, same_answer
 
@@ -55,14 +66,16 @@ class Outcome:
     resolved: bool | None = None
     """Whether the advised measurement led from an ambiguous verdict to the right name."""
     knowledge: str = ""
-    """What was known of the holder; empty for the ordinary tolerances."""
+    """What was known of the holder, or how cones and flutes are described; empty for the ordinary tolerances."""
     within: tuple[str, ...] = ()
     """Effects that the measurement of the holder contains, so that they are not hidden."""
 
     @property
     def elsewhere(self) -> bool:
         """Whether an effect has no place in a model whose holder is data."""
-        return self.knowledge not in ("", "drawing") and any(id in (*CHANGES, *INSIDE) for id in self.effects)
+        return self.knowledge not in ("", "drawing", *GEOMETRIES) and any(
+            id in (*CHANGES, *INSIDE) for id in self.effects
+        )
 
     @property
     def found(self) -> tuple[str, ...]:
@@ -96,10 +109,11 @@ class Outcome:
 
 def run_case(
     seed: int, index: int, kind: str, effects: Sequence[str], ask: Callable[[Any], Any], *, quick: bool = False,
-    u: float | None = None, oracle: bool = True, knowledge: str = "", advice: bool = False,
+    u: float | None = None, oracle: bool = True, knowledge: str = "", advice: bool = False, geometry: str = "",
 ) -> Outcome:  # fmt: skip
     """Draw a case, run the diagnosis, and compare with the truth; for `advice` alone ask the oracle if ambiguous."""
-    case, truth = draw_case(seed, index, kind, tuple(effects), quick=quick, u=u, knowledge=knowledge)
+    drawn = {"quick": quick, "u": u, "knowledge": knowledge, "geometry": geometry}
+    case, truth = draw_case(seed, index, kind, tuple(effects), **drawn)
     answer = ask(case)
     names = tuple(effect.id for effect in truth.effects)
     resolved = _resolved(ask, case, truth, answer) if answer.verdict == "ambiguous" and names else None
@@ -135,7 +149,7 @@ def run_case(
         next_measurement=answer.next_measurement,
         resolved=resolved,
         shuffled=() if again is None else (again.verdict, *sorted(again.reported)),
-        knowledge=knowledge,
+        knowledge=geometry or knowledge,
         within=truth.within,
     )
 

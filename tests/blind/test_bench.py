@@ -117,6 +117,36 @@ def test_neighbours_run_in_turn_and_resume(bench, tmp_path, capsys):
             bench.main([*arguments, *option])
 
 
+def test_descriptions_of_cones_run_side_by_side_and_resume(bench, monkeypatch, tmp_path, capsys):
+    levels = []
+
+    def run_case(seed, index, kind, effects, ask, *, quick=False, geometry="", advice=False):
+        levels.append((index, geometry))
+        wrong = geometry == "crude" and not effects
+        return Outcome(
+            seed=seed, index=index, kind=kind, effects=tuple(effects), sizes=(0.5,) * len(effects), large=True,
+            oracle={}, verdict="named" if wrong or effects else "adequate", together=(), same=(), seconds=1.0,
+            reported=("holder_modulus",) if wrong else tuple(effects), misfit=2.0, misfit_after=1.0, share=None,
+            covered=(), size_covered=(), knowledge=geometry,
+        )  # fmt: skip
+
+    monkeypatch.setattr(bench, "run_case", run_case)
+    file = tmp_path / "cases.jsonl"
+    arguments = ["--geometry", "crude", "right", "--seed", "4", "--resume", str(file)]
+    bench.main([*arguments, "--cases", "2"])
+    bench.main([*arguments, "--cases", "6"])
+    assert levels == [(i, level) for i in range(6) for level in ("crude", "right")]
+    capsys.readouterr()
+    bench.main(["--geometry", "crude", "right", "--score", str(file)])
+    out = capsys.readouterr().out
+    lines = {line[:62].strip(): line[62:].split("=")[0].split() for line in out.splitlines() if " = " in line}
+    assert lines["crude, nothing hidden: named wrong"] == ["2", "of", "2"]
+    assert lines["right, nothing hidden: named wrong"] == ["0", "of", "2"]
+    for option in (["--advice"], ["--neighbours"], ["--holder", "modes"]):
+        with pytest.raises(SystemExit):
+            bench.main([*arguments, *option])
+
+
 def test_advice_is_scored_over_ambiguous_cases(bench, monkeypatch, capsys):
     def run_case(seed, index, kind, effects, ask, *, quick=False, knowledge="", advice=False):
         assert advice

@@ -59,7 +59,7 @@ def test_generator_does_not_import_the_package():
 
 def test_only_the_bridge_imports_the_package():
     for source in HERE.rglob("*.py"):
-        if source.name != "bridge.py" and source != Path(__file__):
+        if source.name not in ("bridge.py", "bridge_geometry.py") and source != Path(__file__):
             found = re.findall(r"^\s*(?:from|import)\s+receptance.*$", source.read_text(encoding="utf-8"), re.MULTILINE)
             assert not found, (source.name, found)
 

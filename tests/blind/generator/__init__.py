@@ -4,11 +4,13 @@ from .advised import measured_again, shown_by
 from .batch import alone, every, group_of, shuffled
 from .case import KINDS, NEIGHBOUR, Bench, Case, Configuration, Nominal, Record, Stated, Truth, draw_bench, draw_case
 from .effects import CATALOGUE, MEASUREMENT, OUTSIDE, Effect, Where
+from .geometry import GEOMETRIES
 from .knowledge import CHANGES, INSIDE, LEVELS, Blank, Modes, Table
 
 __all__ = [
     "CATALOGUE",
     "CHANGES",
+    "GEOMETRIES",
     "INSIDE",
     "KINDS",
     "LEVELS",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from . import rig
 from .effects import CATALOGUE, MEASUREMENT, OUTSIDE, Effect, Where, draw_effect
+from .geometry import GEOMETRY_STREAM, draw_geometry
 from .knowledge import CHANGES, ERRORS, INSIDE, TOLERANCE, Known, known_of
 from .records import SPACING, Estimate, Setup, like, measure
 
@@ -67,6 +68,8 @@ class Nominal:
     damping_scatter: float
     layer: bool
     """Whether the joint is described as a layer along the insertion."""
+    geometry: str = ""
+    """How cones and flutes are described, one of `geometry.GEOMETRIES`; empty where there are none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -261,7 +264,7 @@ def recorded(
 
 def draw_case(
     seed: int, index: int, kind: str, effects: tuple[str, ...] = (), *, u: float | None = None, quick: bool = False,
-    knowledge: str = "",
+    knowledge: str = "", geometry: str = "",
 ) -> tuple[Case, Truth]:  # fmt: skip
     """Return a case and its truth, drawn anew from seed and index.
 
@@ -279,9 +282,13 @@ def draw_case(
         Three overhangs, a narrower band and fewer lines, for tests.
     knowledge : str, optional
         What is known of the holder, one of `knowledge.LEVELS`; by default its dimensions with ordinary tolerances.
+    geometry : str, optional
+        How cones and flutes are described, one of `geometry.GEOMETRIES`; records and truth do not depend on it. By
+        default there are none.
     """
     rng = np.random.default_rng([seed, index, KINDS.index(kind)])
-    bench = draw_bench(rng, (seed, index), kind, effects, u=u, quick=quick, knowledge=knowledge)
+    bench = draw_bench(rng, (seed, index), kind, effects, u=u, quick=quick, knowledge=knowledge,
+                       geometry=geometry)  # fmt: skip
     nominal, truth = bench.nominal, bench.truth
     records = []
     for c, plane, level in bench.series():
@@ -310,7 +317,7 @@ def draw_case(
 
 def draw_bench(
     rng: np.random.Generator, seed: tuple[int, int], kind: str, effects: tuple[str, ...] = (),
-    *, u: float | None = None, quick: bool = False, knowledge: str = "",
+    *, u: float | None = None, quick: bool = False, knowledge: str = "", geometry: str = "",
 ) -> Bench:  # fmt: skip
     """Return what a case measures; `seed` and number of the case are noted in the truth. See `draw_case`."""
     chosen = effects or _choose(rng, kind)
@@ -318,8 +325,10 @@ def draw_bench(
     layer = layer and not {"joint_cross_term", "joint_spread", "collet_mass"} & set(chosen)
     data = knowledge not in ("", "drawing")
     # A layer lies along the bore, which data at the mouth do not describe.
-    layer = layer and not data
+    layer = layer and not data and not geometry
     numbers = _ordinary(rng, layer)
+    if geometry:
+        numbers |= draw_geometry(np.random.default_rng([*seed, GEOMETRY_STREAM]), numbers)
     drawn = []
     for id in chosen:
         # Two at once are scored where both are large enough, which two small ones rarely are.
@@ -344,7 +353,8 @@ def draw_bench(
         for effect in (e for e in drawn if e.id in within):
             numbers = effect.apply(numbers, anywhere)
         drawn = [e for e in drawn if e.id not in within]
-    exact = kind == "nothing_exact" or knowledge != ""
+    # Cones are stated as exact, as a user states them.
+    exact = kind == "nothing_exact" or knowledge != "" or geometry != ""
     new = tuple(
         Configuration(name=f"new {i}", overhang=float(x), torque=torques[len(names) + i]) for i, x in enumerate(between)
     )
@@ -355,6 +365,7 @@ def draw_bench(
         joint_scatter=round(rng.uniform(0.004, 0.015), 4),
         damping_scatter=0.03,
         layer=layer,
+        geometry=geometry,
     )
     errors = {stated.name: float(rng.standard_normal()) for stated in nominal.tolerances}
     errors |= {f"{name} @ {c.name}": float(rng.standard_normal()) for name in JOINT for c in (*configurations, *new)}

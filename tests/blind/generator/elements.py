@@ -8,7 +8,7 @@ they are thick, between the springs of a spread joint, need less.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -39,6 +39,12 @@ class Ring:
     loss: float
     shear: float
     """Shear coefficient."""
+    area: float = 1.0
+    """Factor of the area; it and the next two are 1 except where a section is no ring."""
+    moment: float = 1.0
+    """Factor of the second moment that bends."""
+    inertia: float = 1.0
+    """Factor of the second moment that turns."""
 
 
 def cowper(outer: float, inner: float, nu: float) -> float:
@@ -59,38 +65,44 @@ def hutchinson(outer: float, inner: float, nu: float) -> float:
 
 
 @cache
-def _shapes(degree: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return nodes, Gauss weights, and values and slopes of the shapes at the Gauss points, on -1 to 1."""
+def shape_functions(degree: int, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return weights of a number of Gauss points on -1 to 1, and values and slopes of the shapes at the points."""
     inner = legendre.Legendre.basis(degree).deriv().roots()
     nodes = np.concatenate([[-1.0], np.sort(inner.real), [1.0]])
-    points, weights = legendre.leggauss(degree + 1)
+    points, weights = legendre.leggauss(count)
     vandermonde = legendre.legvander(nodes, degree)
     to_legendre = np.linalg.inv(vandermonde)
     values = legendre.legvander(points, degree) @ to_legendre
     slopes = np.stack([legendre.legval(points, legendre.legder(column)) for column in to_legendre.T], axis=1)
-    return nodes, weights, values, slopes
+    return weights, values, slopes
 
 
 @cache
 def _integrals(degree: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the integrals of shape times shape, slope times slope, and slope times shape."""
-    _, weights, values, slopes = _shapes(degree)
+    weights, values, slopes = shape_functions(degree, degree + 1)
     w = weights[:, None]
     return values.T @ (w * values), slopes.T @ (w * slopes), slopes.T @ (w * values)
 
 
-def _element(length: float, rings: Sequence[Ring], degree: int) -> tuple[ComplexArray, FloatArray]:
-    """Return stiffness and mass of an element, displacements of all nodes first, then slopes."""
+def rigidities(rings: Sequence[Ring]) -> tuple[complex, complex, float, float]:
+    """Return shear and bending stiffness of a section, and its mass and rotary inertia per length."""
     shear = bending = 0j
     mass = rotary = 0.0
     for ring in rings:
-        area = math.pi / 4.0 * (ring.outer**2 - ring.inner**2)
+        area = math.pi / 4.0 * (ring.outer**2 - ring.inner**2) * ring.area
         second = math.pi / 64.0 * (ring.outer**4 - ring.inner**4)
         complex_modulus = ring.modulus * (1.0 + 1j * ring.loss)
         shear += ring.shear * area * complex_modulus / (2.0 * (1.0 + ring.poisson))
-        bending += complex_modulus * second
+        bending += complex_modulus * second * ring.moment
         mass += ring.density * area
-        rotary += ring.density * second
+        rotary += ring.density * second * ring.inertia
+    return shear, bending, mass, rotary
+
+
+def _element(length: float, rings: Sequence[Ring], degree: int) -> tuple[ComplexArray, FloatArray]:
+    """Return stiffness and mass of an element, displacements of all nodes first, then slopes."""
+    shear, bending, mass, rotary = rigidities(rings)
     nn, dd, dn = _integrals(degree)
     half = 0.5 * length
     n = degree + 1
@@ -127,9 +139,16 @@ class Structure:
         """Add a uniform beam from a station on, and return the station at its other end."""
         count = max(1, math.ceil(self.refinement * length / LONGEST))
         degree = LOW_DEGREE if length / count <= SHORT / self.refinement else DEGREE
-        stiffness, inertia = _element(length / count, rings, degree)
+        matrices = _element(length / count, rings, degree)
+        return self.elements(start, count, degree, lambda _: matrices)
+
+    def elements(
+        self, start: int, count: int, degree: int, matrices: Callable[[int], tuple[ComplexArray, FloatArray]]
+    ) -> int:
+        """Add elements in a row, of stiffness and mass by their number, and return the station at their other end."""
         at = start
-        for _ in range(count):
+        for number in range(count):
+            stiffness, inertia = matrices(number)
             stations = [at, *(self.station() for _ in range(degree))]
             index = np.array([2 * s for s in stations] + [2 * s + 1 for s in stations])
             self._stiffness.append((index, stiffness))

@@ -10,10 +10,13 @@ point.N.*
 patch.N.*
     Another section from `start` to `end`, in m: factors `outer`, `modulus` and `density` of beams without the shank in
     them, `bore` in m in place of their inner diameter. `core` 0 takes the shank away.
+
+Cones and flutes have the names that `geometry` describes.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -22,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .elements import ComplexArray, Matrices, Poles, Ring, Structure, cowper, hutchinson
+from .geometry import ends_of, fluted, is_conical, varying
 
 Numbers = Mapping[str, float]
 
@@ -80,13 +84,21 @@ class Row:
         self.at = structure.station()
         self.stations = {0.0: self.at}
 
-    def go(self, length: float, rings: list[Ring]) -> None:
-        """Add a beam at the end."""
-        end = self.x + length
+    def go(self, length: float, rings: list[Ring] | Callable[[float], list[Ring]]) -> None:
+        """Add a beam at the end, of rings that may depend on the place behind its start."""
+        begin, end = self.x, self.x + length
         for cut in [*(c for c in self.cuts if self.x + 1e-9 < c < end - 1e-9), end]:
-            self.at = self.structure.beam(self.at, cut - self.x, self.section(0.5 * (self.x + cut), rings))
+            middle, first = 0.5 * (self.x + cut), self.x
+            if callable(rings):
+                changing = functools.partial(self._changing, rings, middle, first - begin)
+                self.at = varying(self.structure, self.at, cut - self.x, changing)
+            else:
+                self.at = self.structure.beam(self.at, cut - self.x, self.section(middle, rings))
             self.x = cut
             self.stations[cut] = self.at
+
+    def _changing(self, rings: Callable[[float], list[Ring]], middle: float, before: float, place: float) -> list[Ring]:
+        return self.section(middle, rings(before + place))
 
     def __getitem__(self, place: float) -> int:
         return self.stations[min(self.stations, key=lambda x: abs(x - place))]
@@ -153,6 +165,8 @@ def _tool(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> Row:
         pieces += [(length / steps, ratio * (1.0 + p["tool.taper"] * (0.5 - (i + 0.5) / steps))) for i in range(steps)]
     for length, ratio in pieces:
         rings = _rings(p, "tool", ratio * p["tool.diameter"], p.get("tool.bore", 0.0))
+        if "flute.number" in p and tool.x < p["flute.length"] - 1e-9:
+            rings = [fluted(ring, p) for ring in rings]
         if crack and tool.x < crack < tool.x + length:
             first = crack - tool.x
             tool.go(first, rings)
@@ -171,24 +185,35 @@ def _holder(s: Structure, p: Numbers, middles: NDArray[np.float64]) -> Row:
     holder = _row(s, p, 1.0, [*middles, *(p[name] * total for name in ("ground.place", "rope.place") if name in p)])
     core = _rings(p, "tool", p["tool.diameter"], p.get("tool.bore", 0.0))
     for i in range(sections(p)):
-        outer, inner, length = (p[f"holder.{i}.{name}"] for name in ("outer", "inner", "length"))
-        rings = _rings(p, "holder", outer, p["tool.diameter"] if i == 0 else inner)
-        if i == sections(p) - 1 and "holder.stiffer" in p:
-            factor = 10.0 ** p["holder.stiffer"]
-            rings = [Ring(r.outer, r.inner, r.modulus * factor, r.density, r.poisson, r.loss, r.shear) for r in rings]
+        length = p[f"holder.{i}.length"]
         if i == p.get("screw.section", 0.0) > 0.0:
             before = holder.at
             holder.at = s.station()
             s.spring(before, holder.at, np.diag([1e11, p["screw.k"]]).astype(np.complex128))
-        if i == 0 and spread:
-            holder.go(spread, rings)
+        bare = i == 0 and spread
+        if bare:
+            holder.go(spread, _holder_rings(p, i, 0.0, ()))
             length -= spread
-            rings = rings if "spread.loose" in p else rings + core
-        elif i == 0:
-            rings = rings + core
+        inside = core if i == 0 and not (bare and "spread.loose" in p) else []
         if length > 1e-9:
-            holder.go(length, rings)
+            holder.go(length, _holder_rings(p, i, spread if bare else 0.0, inside))
     return holder
+
+
+def _holder_rings(p: Numbers, i: int, begin: float, core: Sequence[Ring]) -> list[Ring] | Callable[[float], list[Ring]]:
+    """Return the rings of a section of the holder from a place in it on; of a cone, by the place behind that."""
+    (near, far), (bore, end_of_bore) = ends_of(p, i)
+    if i == 0:
+        # The shank fills the bore.
+        bore = end_of_bore = p["tool.diameter"]
+    stiffer = 10.0 ** p["holder.stiffer"] if i == sections(p) - 1 and "holder.stiffer" in p else 1.0
+
+    def rings_at(place: float) -> list[Ring]:
+        share = (begin + place) / p[f"holder.{i}.length"]
+        rings = _rings(p, "holder", near + share * (far - near), bore + share * (end_of_bore - bore))
+        return [*(replace(ring, modulus=ring.modulus * stiffer) for ring in rings), *core]
+
+    return rings_at if is_conical(p, i) else rings_at(0.0)
 
 
 def _holder_length(p: Numbers) -> float:
