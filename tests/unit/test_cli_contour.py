@@ -31,7 +31,7 @@ def test_it_prints_what_was_read_and_assumed(capsys: pytest.CaptureFixture[str])
         "140 mm",
         "63 mm at most",
         f"{mass:.4g} kg of steel",
-        "2 bores",
+        "bores: 2",
         "27 to 32.7",
         '- the profile is that of layer "NOCUT"',
         "- the tip is assumed at the left",
