@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import Literal, TypedDict, Unpack
 import numpy as np
 
 from receptance import _checks
-from receptance._text import join_names, shown
+from receptance._text import did_you_mean, join_names, shown
 from receptance.drawing import csv_points
 from receptance.drawing.curves import Curve, Frame, Loop, closed_loops, wrong
 from receptance.drawing.dxf_entities import Sheet, read_sheet
@@ -21,6 +21,7 @@ from receptance.drawing.revolution import Revolved, Ring, revolve
 from receptance.io import FileFormatError
 from receptance.io.errors import error_location
 from receptance.model.contour import TOLERANCE, Contour
+from receptance.report.table import amount
 from receptance.units import COORDINATE, parse
 
 Tip = Literal["left", "right", "bottom", "top"]
@@ -35,6 +36,8 @@ _CUTTING, _NOT_CUTTING = "cut", "nocut"
 """Layers of the cutting and the non-cutting part in tool drawings after ISO/TS 13399-70 and DIN 4000."""
 _AXIS = re.compile(r"\s*(?P<name>[xy])\s*=\s*(?P<at>.+?)\s*")
 _ROUND = ("CIRCLE", "ELLIPSE")
+_LONGEST, _THICKEST = 0.6, 0.4
+"""Largest usual length and diameter of a tool or a holder in m."""
 
 
 class DrawingOptions(TypedDict, total=False):
@@ -127,10 +130,11 @@ def read_contour(file: str | PathLike[str], **options: Unpack[DrawingOptions]) -
             contour = csv_points.read_csv(path, unit=unit, tolerance=tolerance)
             if tip in ("right", "top"):
                 contour = _reflected(contour)
-            return DrawnContour(contour, contour.notes)
+            return DrawnContour(contour, (*contour.notes, *_notes_on_size(contour)))
         sheet = read_sheet(path, unit=unit, tolerance=tolerance)
         try:
-            return _drawn(sheet, options, tolerance)
+            drawn = _drawn(sheet, options, tolerance)
+            return replace(drawn, assumptions=(*_notes_on_size(drawn.contour), *drawn.assumptions))
         except FileFormatError:
             raise
         except ValueError as error:
@@ -193,6 +197,14 @@ def outline(
     return DrawnOutline(
         _corners(outer, factor, 1.0), tuple(_corners(hole, factor, -1.0) for hole in holes), tuple(notes)
     )
+
+
+def _notes_on_size(contour: Contour) -> list[str]:
+    """Return a note on the unit for a part that is far larger than tools and holders are."""
+    if contour.length <= _LONGEST and contour.largest_diameter <= _THICKEST:
+        return []
+    size = f"{amount(contour.length, 'm', 4)} long and {amount(contour.largest_diameter, 'm', 4)} in diameter"
+    return [f"the part is {size}: check the unit of the drawing, `unit` states another one"]
 
 
 def _ending(path: Path) -> str:
@@ -286,7 +298,9 @@ def _profile_layers(sheet: Sheet, wanted: Sequence[str], bores: set[str], notes:
         left = [name for name in sheet.layers if name not in chosen and name not in bores]
         left = [name for name in left if name.casefold() not in _AXIS_LAYERS]
         if left:
-            notes.append(f"layers that are left out: {_quoted(left)}")
+            likely = [name for name in left if did_you_mean(name.casefold(), sorted(_BORE_LAYERS))]
+            hint = f"; a bore? put {_quoted(likely)} into the layer BORE, or state `bore_layer`" if likely else ""
+            notes.append(f"layers that are left out: {_quoted(left)}{hint}")
     return chosen
 
 
