@@ -41,11 +41,8 @@ class Example:
     def files(self, progress: Say | None = None) -> dict[str, bytes]:
         """Return the contents of all files by name."""
         packaged = resources.files("receptance.examples") / self.folder
-        found = {
-            file.name: file.read_bytes()
-            for file in packaged.iterdir()
-            if file.name.endswith((".toml", ".md", ".csv", ".dxf"))
-        }
+        endings = (".toml", ".md", ".csv", ".dxf")
+        found = {file.name: file.read_bytes() for file in packaged.iterdir() if file.name.endswith(endings)}
         if self.data is not None:
             found |= self.data(self.campaign, progress or (lambda _: None))
         return dict(sorted(found.items()))
