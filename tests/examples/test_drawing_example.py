@@ -153,3 +153,20 @@ def test_the_model_is_adequate_and_has_a_next_measurement(folder: Path, tmp_path
     diagnosis = results(folder, "diagnose", tmp_path / "diagnosis.json")
     assert (diagnosis["verdict"], diagnosis["final"], diagnosis["causes"]) == ("adequate", True, [])
     assert results(folder, "next", tmp_path / "next.json")["ranking"]
+
+
+@pytest.mark.slow
+def test_a_cylinder_in_place_of_the_flutes_is_not_adequate(tmp_path: Path) -> None:
+    """The 80 % of the diameter of Kops and Vo: the fit is not adequate, and the fluted part is suspected."""
+    crude = tmp_path / "crude"
+    examples.write("drawing", crude)
+    text = (crude / "campaign.toml").read_text(encoding="utf-8")
+    flutes = 'outer_diameter = "12 mm"\nshape = { flutes = 4, core_diameter = "7.2 mm" }'
+    assert text.count(flutes) == 1
+    (crude / "campaign.toml").write_text(text.replace(flutes, 'outer_diameter = "9.6 mm"'), encoding="utf-8")
+    fit = results(crude, "identify", tmp_path / "identified.json")
+    assert not fit["adequacy"]["passed"]
+    print(f"misfit {fit['adequacy']['misfit']:.2f}, k_theta {fit['parameters']['joint.k_theta']['interval_95']}")
+    diagnosis = results(crude, "diagnose", tmp_path / "diagnosis.json")
+    assert diagnosis["verdict"] in ("named", "suspected")
+    assert [cause["id"] for cause in diagnosis["causes"]] == ["fluted_part"]
