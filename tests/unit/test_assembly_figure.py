@@ -23,6 +23,7 @@ from receptance import (
     PointJoint,
     PointMass,
     Section,
+    SectionShape,
     Segment,
     SpreadJoint,
 )
@@ -135,3 +136,23 @@ def test_labels_do_not_overlap(assembly: Assembly) -> None:
     found = list(boxes(draw_assemblies([Drawing(assembly, "", marks)])))
     for (name, one), (other, two) in combinations(found, 2):
         assert not one.overlaps(two), f"{name} and {other}"  # type: ignore[attr-defined]
+
+
+def test_flutes_are_hatched_around_their_core_and_strips_are_flat() -> None:
+    mill = SectionShape.fluted(4, diameter=0.012, core_diameter=0.007)
+    strip = SectionShape.rectangle(0.03, 0.004)
+    part = Part(
+        [
+            Segment(length=0.03, outer_diameter=0.012, shape=mill, material=CARBIDE),
+            Segment(length=0.04, outer_diameter=0.012, material=CARBIDE),
+            Segment(length=0.02, outer_diameter=strip.diameter, shape=strip, material=STEEL),
+        ],
+        name="tool",
+    )
+    (axes,) = Assembly([part]).plot().axes
+    heights = [np.ptp(body.get_xy()[:, 1]) for body in axes.patches if isinstance(body, Polygon)]
+    assert heights[:4] == pytest.approx([12.0, 7.0, 12.0, 4.0], rel=1e-3)
+    assert [bool(body.get_hatch()) for body in axes.patches[:4]] == [True, False, False, False]
+    texts = [text.get_text() for text in axes.texts]
+    assert "ø12, 4 flutes" in texts
+    assert "30 x 4" in texts

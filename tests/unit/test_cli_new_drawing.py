@@ -12,6 +12,7 @@ import pytest
 import drawn_holder
 from command_line import call
 from receptance import CARBIDE, FRF, STEEL, Assembly, Part, PointJoint, Segment, campaign, drawing, insert
+from receptance.cli.pieces import DrawnHolder, parse_holder
 from receptance.io import write
 
 JOINT = {"k_y": 2e8, "k_theta": 3e4, "c_y": 200.0, "c_theta": 0.05}
@@ -72,3 +73,25 @@ def test_a_drawing_with_mistakes_is_refused(capsys: pytest.CaptureFixture[str]) 
     for name, words in (("open.dxf", "names a drawing with mistakes: open.dxf, layer"), ("no.dxf", "there is no file")):
         assert call("new", "mine", "short.csv", "--holder", name) == 2
         assert words in capsys.readouterr().err
+
+
+def test_the_lines_of_contour_and_tables_of_points_are_holders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    points = "x,diameter\n0,27\n40,33\n40,63\n100,63\n"
+    Path("bare.csv").write_text(points, encoding="utf-8")
+    Path("holder.csv").write_text(points.replace("x,diameter", "x [mm],diameter [mm]"), encoding="utf-8")
+    drawn = parse_holder("holder.csv")
+    assert isinstance(drawn, DrawnHolder)
+    assert (drawn.file, dict(drawn.keys)) == ("holder.csv", {})
+    # What a drawing does not state is in the lines of a campaign.
+    with pytest.raises(ValueError, match="--campaign-lines > FILE.toml"):
+        parse_holder("bare.csv")
+    Path("holder.toml").write_text(
+        '[parts.nose]\ncontour = "bare.csv"\nmaterial = "steel"\nunit = "mm"\n', encoding="utf-8"
+    )
+    drawn = parse_holder("holder.toml")
+    assert isinstance(drawn, DrawnHolder)
+    assert (drawn.file, drawn.material, dict(drawn.keys)) == ("bare.csv", "steel", {"unit": "mm"})
+    Path("holder.toml").write_text('[parts.nose]\nmaterial = "steel"\n', encoding="utf-8")
+    with pytest.raises(ValueError, match="has neither segments nor a contour"):
+        parse_holder("holder.toml")

@@ -431,7 +431,8 @@ def _drawn(holder: DrawnHolder) -> str:
     tolerance = {
         "diameter": tolerances["outer_diameter"], "bore": tolerances["inner_diameter"], "length": tolerances["length"]
     }  # fmt: skip
-    return _table("parts.holder", {"contour": holder.file, "material": holder.material, "tolerance": tolerance})
+    table = {"contour": holder.file, "material": holder.material, **holder.keys, "tolerance": tolerance}
+    return _table("parts.holder", table)
 
 
 def _measurement(measurement: MeasuredFile, sensor: bool) -> str:

@@ -270,7 +270,9 @@ def new(
         is_drawn = isinstance(holder, cli.pieces.DrawnHolder)
         if is_drawn:
             file = cli.draft.relative_path(holder.file, target.parent)
-            answers["holder"] = replace(holder, file=file, material=answers.answer("holder_material") or "")
+            answers["holder"] = replace(
+                holder, file=file, material=holder.material or answers.answer("holder_material") or ""
+            )
         elif not holder or not all(piece.material for piece in holder):
             of_holder = answers.answer("holder_material")
             holder = holder and [replace(piece, material=piece.material or of_holder or "") for piece in holder]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +48,8 @@ class DrawnHolder:
 
     file: str
     """Path of the drawing."""
+    keys: Mapping[str, Any] = field(default_factory=dict)
+    """Keys of a campaign with which it is read, such as `unit`."""
     material: str = ""
     insertion: float = 0.0
     """Length of the shank in its bore in m."""
@@ -139,6 +141,8 @@ def parse_holder(text: str) -> list[HolderRow] | DrawnHolder:
         file, _, name = text.rpartition(":")
         path = Path(file)
     ending = path.suffix.lower()
+    if ending == ".csv" and path.is_file() and _is_profile(path):
+        return _drawn_holder(path)
     if ending not in (".csv", ".toml"):
         if path.is_file():
             raise ValueError(f"is {shown(text)}, a file with the ending {ending or 'none'}, expected .csv or .toml")
@@ -157,25 +161,45 @@ def parse_holder(text: str) -> list[HolderRow] | DrawnHolder:
     return holders[name or first]
 
 
-def _drawn_holder(path: Path) -> DrawnHolder:
+def _is_profile(path: Path) -> bool:
+    """Return whether a CSV file has the points of a contour: a column x and none of lengths."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        head = next((line for line in file if line.strip() and not line.startswith("#")), "")
+    names = [re.split(r"[\[(]", cell)[0].strip(' "').lower() for cell in re.split("[,;\t]", head)]
+    return "x" in names and "length" not in names
+
+
+def _drawn_holder(path: Path, table: PartTable | None = None) -> DrawnHolder:
+    """Return a holder as a drawing that can be read, with the keys of a part of a campaign."""
     if not path.is_file():
         raise ValueError(f"is {shown(str(path))}, but there is no file {path}")
+    keys = {} if table is None else {key: getattr(table, key) for key in _OF_DRAWING if key in table.written}
+    options: Any = {{"within": "tolerance"}.get(key, key): value for key, value in keys.items()}
     try:
-        drawing.read_contour(path)
+        drawing.read_contour(path, **options)
     except ValueError as error:
-        hint = f"`receptance contour {path}` has options for what it does not state, and prints lines of a campaign"
+        hint = (
+            f"`receptance contour {path}` has options for what it does not state; --campaign-lines > FILE.toml prints "
+            "them, and --holder FILE.toml reads that"
+        )
         raise ValueError(f"names a drawing with mistakes: {error}; {hint}") from None
-    return DrawnHolder(str(path))
+    if "within" in keys:
+        keys["within"] = units.LENGTH.text(keys["within"])
+    return DrawnHolder(str(path), keys, "" if table is None else table.material or "")
+
+
+_OF_DRAWING = ("layer", "bore_layer", "unit", "axis", "tip", "within")
+"""Keys of a part of a campaign that say how its drawing is read."""
 
 
 class _HolderKeys(PartTable):
     """Segments as in a campaign; the materials are those of the new campaign, and may be missing."""
 
-    segments = ListOf("", element_keys(Segment, defaults={"material": ""}), least=1).needed()
+    segments = ListOf("", element_keys(Segment, defaults={"material": ""}), least=1).default([])
 
 
-def _holders_of_toml(path: Path) -> dict[str, list[HolderRow]]:
-    """Return the parts of a TOML file: `[[parts.NAME.segments]]`, or `[[segments]]` of the only one."""
+def _holders_of_toml(path: Path) -> dict[str, list[HolderRow] | DrawnHolder]:
+    """Return the parts of a TOML file: `[[parts.NAME.segments]]`, or `[[segments]]` of the only one, or a contour."""
     data, text = read_contents(path)
     problems = Problems(text)
     place, keys = Place(problems, {"materials": []}, frozenset({"materials"}), None), _HolderKeys.keys()
@@ -188,6 +212,8 @@ def _holders_of_toml(path: Path) -> dict[str, list[HolderRow]]:
         raise CampaignError(path, problems.in_file())
     if not holders:
         raise CampaignError.about(path, "has neither [[segments]] nor [[parts.NAME.segments]]")
+    if empty := [name for name, part in holders.items() if not part.segments and part.contour is None]:
+        raise CampaignError.about(path, f"parts.{empty[0]} has neither segments nor a contour")
     return {
         name: [
             _piece(
@@ -201,6 +227,8 @@ def _holders_of_toml(path: Path) -> dict[str, list[HolderRow]]:
             )
             for row in part.segments
         ]
+        if part.contour is None
+        else _drawn_holder(path.parent / part.contour, part)
         for name, part in holders.items()
     }
 

@@ -21,6 +21,10 @@ Points = NDArray[np.float64]
 """Points of a curve, shape (n, 2)."""
 MOST_EDGES = 3000
 """Largest number of edges of all contours after curves were simplified."""
+_LONG = 4.0
+"""Ratio from which on an edge is long beside the next one, and beside the tolerance."""
+_STRAIGHT = 1e-9
+"""Sine of the angle between two edges of one straight line."""
 _NAMED = 4
 """Most entities that a message names."""
 
@@ -93,7 +97,8 @@ def simplified(points: Points, tolerance: float) -> Points:
     """Return the points of a polyline without those that are not needed within a tolerance.
 
     From each point on the longest chord is taken that is no farther than the tolerance from all points between its
-    ends; its length is found by doubling and bisection. The ends stay.
+    ends; its length is found by doubling and bisection. The ends stay, and so do the points where a long edge meets the
+    short ones of a curve, so that a cylinder before a fillet stays one.
 
     Examples
     --------
@@ -102,6 +107,23 @@ def simplified(points: Points, tolerance: float) -> Points:
     >>> simplified(np.array([[0.0, 0.0], [1.0, 0.001], [2.0, 0.0], [2.0, 1.0]]), 0.01).tolist()
     [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0]]
     """
+    corners = _ends_of_long_edges(points, tolerance)
+    pieces = [_simplified(points[start : end + 1], tolerance) for start, end in pairwise(corners)]
+    return np.concatenate([points[:1], *(piece[1:] for piece in pieces)])
+
+
+def _ends_of_long_edges(points: Points, tolerance: float) -> list[int]:
+    """Return the numbers of the ends of a polyline, and of the points between a long edge and much shorter ones."""
+    edges = np.diff(points, axis=0)
+    lengths = np.hypot(*edges.T)
+    shorter, longer = np.minimum(lengths[1:], lengths[:-1]), np.maximum(lengths[1:], lengths[:-1])
+    turn = np.abs(edges[:-1, 0] * edges[1:, 1] - edges[:-1, 1] * edges[1:, 0])
+    bent = turn > _STRAIGHT * lengths[1:] * lengths[:-1]
+    inner = np.flatnonzero(bent & (longer > _LONG * shorter) & (longer > _LONG * tolerance)) + 1
+    return [0, *(int(number) for number in inner), len(points) - 1]
+
+
+def _simplified(points: Points, tolerance: float) -> Points:
     last = len(points) - 1
     kept = [0]
     while kept[-1] < last:

@@ -11,6 +11,7 @@ import tomli_w
 from receptance.drawing.read import DrawnContour
 from receptance.model.beams import Material
 from receptance.model.contour import Contour
+from receptance.model.materials import MATERIALS
 from receptance.report import Column, Fact, Provenance, Result, Table
 from receptance.report.table import amount
 
@@ -31,11 +32,6 @@ class ContourReport(Result):
     >>> f"{report.mass:.4f} kg"
     '0.1952 kg'
     >>> print(report.campaign_lines())
-    [materials.steel]
-    youngs_modulus = "210 GPa"
-    density = "7850 kg/m^3"
-    poisson_ratio = 0.3
-    <BLANKLINE>
     [parts.holder]
     contour = "nose.csv"
     material = "steel"
@@ -85,8 +81,8 @@ class ContourReport(Result):
             Fact("Length", (f"{_MM * contour.length:.7g} mm",)),
             Fact("Diameter", (f"{_MM * contour.largest_diameter:.7g} mm at most",)),
             Fact("Mass", (f"{amount(self.mass, 'kg', 4)} of {self.material.name or 'the material'}",)),
-            Fact("Centre", (f"of gravity {_MM * contour.centre_of_gravity:.5g} mm from the tip-side end",)),
-            Fact("Pieces", (f"{count}, of them {cones} cones; {len(contour.bores)} bores",)),
+            Fact("Gravity", (f"centre {_MM * contour.centre_of_gravity:.5g} mm from the tip-side end",)),
+            Fact("Pieces", (f"{count}; cones: {cones}; bores: {len(contour.bores)}",)),
         ]
 
     def tables(self) -> list[Table]:
@@ -124,7 +120,7 @@ class ContourReport(Result):
         }
 
     def campaign_lines(self) -> str:
-        """Return the tables of material and part as the text of a campaign."""
+        """Return the tables of material and part as the text of a campaign; listed materials need no table."""
         made = self.material
         material: dict[str, Any] = {
             "youngs_modulus": f"{made.youngs_modulus / 1e9:.10g} GPa",
@@ -135,7 +131,9 @@ class ContourReport(Result):
             material["loss_factor"] = made.loss_factor
         name = self.material.name or "material"
         part = {"contour": self.file, "material": name, **self.keys}
-        return tomli_w.dumps({"materials": {name: material}, "parts": {self.name: part}}).strip()
+        listed = name in MATERIALS and MATERIALS[name].material() == made
+        materials = {} if listed else {"materials": {name: material}}
+        return tomli_w.dumps({**materials, "parts": {self.name: part}}).strip()
 
 
 def _diameters(near: float, far: float) -> str:

@@ -33,8 +33,10 @@ _SIZE = 8.5
 _FILLS = ("#C9D3DC", "#8E9AA6", "#E3D3B4", "#B9CDB5", "#D8BFD0")
 """Fills of materials in the order in which they occur."""
 _MM = 1e3
-_MOST_LABELLED = 20
-"""Most segments of a part that are labelled; a part of more, as from a contour, has the labels of its ends."""
+_MOST_LABELLED = 8
+"""Most segments of a part that are all labelled; of a part of more, as from a contour, only the long ones are."""
+_SHORT = 0.08
+"""Largest share of the length of such a part up to which a segment has no label and a thin outline."""
 
 
 @dataclass(frozen=True)
@@ -268,15 +270,17 @@ class _Sketch:
             self._add_mark(mark)
 
     def _add_part(self, x: float, part: Part) -> None:
-        start, are_labelled = x, len(part.segments) <= _MOST_LABELLED
+        start, least = x, _SHORT * part.length if len(part.segments) > _MOST_LABELLED else 0.0
+        labelled = 0
         for segment in part.segments:
-            length = _MM * segment.length
-            self._add_section(x, length, segment, segment.ends, 0.8 if are_labelled else 0.2)
-            if are_labelled:
+            length, is_long = _MM * segment.length, segment.length > least
+            self._add_section(x, length, segment, segment.ends, 0.8 if is_long else 0.2)
+            if is_long:
+                labelled += 1
                 self._label(x + 0.5 * length, 0.5 * _MM * segment.at(0.5)[0], _diameters(segment), INK)
                 self._label_below(x, length, f"{length:.4g}")
             x += length
-        if not are_labelled:
+        if not labelled:
             for at, (outer, inner) in ((start, part.segments[0].ends[0]), (x, part.segments[-1].ends[1])):
                 bore = f"/{_MM * inner:.4g}" if inner else ""
                 self._label(at, 0.5 * _MM * outer, f"ø{_MM * outer:.4g}{bore}", INK)
@@ -292,6 +296,14 @@ class _Sketch:
     ) -> None:
         (outer, inner), (end_outer, end_inner) = ends
         half = 0.5 * _MM
+        if isinstance(section, Segment) and section.shape is not None and section.shape.outline:
+            # As seen across the deflection; what is left of the flutes is hatched, and the core is plain.
+            height, core = 2.0 * max(abs(y) for _, y in section.shape.outline), _inscribed(section.shape.outline)
+            fill, fluted = self._fill(section.material), "flutes" in dict(section.shape.recipe)
+            sizes = [(height, "" if not fluted else "////"), *([(core, "")] if fluted else [])]
+            for size, hatch in sizes:
+                self.bodies.append(_Body(x, length, half * size * outer, half * size * end_outer, fill, hatch, edge))
+            return
         self.bodies.append(_Body(x, length, half * outer, half * end_outer, self._fill(section.material), "", edge))
         if inner or end_inner:
             fill = self._fill(section.core) if section.core is not None else "white"
@@ -403,13 +415,30 @@ class _Sketch:
         axes.plot([x], [y + offset], marker=marker, color=colour, markersize=6, zorder=7, linestyle="none")
 
 
+def _inscribed(outline: Sequence[tuple[float, float]]) -> float:
+    """Return the diameter of the largest circle about the origin within an outline."""
+    points = np.array(outline)
+    along = np.roll(points, -1, axis=0) - points
+    share = -np.sum(points * along, axis=1) / np.maximum(np.sum(along**2, axis=1), np.finfo(float).tiny)
+    nearest = points + np.clip(share, 0.0, 1.0)[:, None] * along
+    return 2.0 * float(np.min(np.hypot(*nearest.T)))
+
+
 def _diameters(segment: Segment) -> str:
     """Return the outer diameter and that of the bore in mm, both ends of a cone."""
     outer, inner = (
         f"{_MM * near:.4g}" if near == far else f"{_MM * near:.4g}–{_MM * far:.4g}"
         for near, far in zip(*segment.ends, strict=True)
     )
-    return f"ø{outer}{'' if inner == '0' else f'/{inner}'}"
+    text = f"ø{outer}{'' if inner == '0' else f'/{inner}'}"
+    if segment.shape is None:
+        return text
+    if flutes := dict(segment.shape.recipe).get("flutes"):
+        return f"{text}, {flutes} flutes"
+    if not segment.shape.outline or segment.is_conical:
+        return f"{text}, not round"
+    sides = np.ptp(np.array(segment.shape.outline), axis=0) * _MM * segment.outer_diameter
+    return f"{sides[0]:.4g} x {sides[1]:.4g}"
 
 
 def _grams(mass: float) -> str:

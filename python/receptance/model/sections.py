@@ -41,8 +41,8 @@ _RECTANGLE_TERMS = 4000
 that slender strips are exact as well."""
 _LARGEST = 2.0
 """Largest usual diameter in m; a larger one is probably in mm."""
-_STRAIGHT = 1e-9
-"""Largest sine of the angle between an axis of the drawing and a principal axis that is taken for zero."""
+_COUPLED = 1e-3
+"""Product of inertia over the mean second moment up to which the planes x and y are taken as principal ones."""
 
 
 class Factors(NamedTuple):
@@ -496,15 +496,15 @@ class SectionShape:
     def _axis(self, plane: Plane) -> int:
         """Return the index of the principal axis of a plane."""
         index = get_args(Plane).index(plane)
-        if self.is_isotropic or abs(math.sin(self.angle)) < _STRAIGHT:
-            return index
-        if abs(math.cos(self.angle)) < _STRAIGHT:
-            return 1 - index
+        # The product of inertia of the axes x and y over the mean second moment.
+        first, second = self.moment
+        if abs((first - second) / (first + second) * math.sin(2.0 * self.angle)) < _COUPLED:
+            return index if abs(math.sin(self.angle)) < abs(math.cos(self.angle)) else 1 - index
         degrees = math.degrees(self.angle)
         raise ValueError(
             f"SectionShape: the principal axes are at {degrees:.4g} deg to the axes of the outline, so a load in "
             f"{plane} deflects in both directions; turn the points by {-degrees:.4g} deg, or take the average of both "
-            "planes, shape.averaged()"
+            'planes, shape.averaged(), in a campaign plane = "mean"'
         )
 
 

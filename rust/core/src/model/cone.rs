@@ -505,13 +505,13 @@ mod tests {
         let (motion, level, w2) = (Motion::Bending, 0, 1.0);
         let columns = (column::LENGTH..column::SHEAR_MODEL)
             .chain([column::END_OUTER_DIAMETER, column::END_INNER_DIAMETER]);
-        let Some(cone) = Cone::<2>::new(&row(0.06), motion) else { panic!() };
+        let cone = Cone::<2>::new(&row(0.06), motion).unwrap();
         for by in columns {
             let change = cone.change(level, by);
             let at = |step: f64| {
                 let mut moved = cone.row;
                 moved[by] += step;
-                let Some(moved) = Cone::<2>::new(&moved, motion) else { panic!() };
+                let moved = Cone::<2>::new(&moved, motion).unwrap();
                 let division = cone.division(level);
                 let slices = division.ends.windows(2).map(|ends| moved.sampled(ends));
                 slices.map(|slice| at_end(&motions(&slice, division.square))).collect::<Vec<_>>()
