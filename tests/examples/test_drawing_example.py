@@ -113,7 +113,7 @@ def test_the_model_with_the_true_values_is_the_foreign_one(true_campaign: Campai
 
 def test_contour_and_check_read_the_drawing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert call("contour", folder / "holder.dxf", "--material", "holder-steel", "--no-window") == 0
-    assert "2 bores" in capsys.readouterr().out
+    assert "bores: 2" in capsys.readouterr().out
     assert call("check", folder, "--no-window") == 0
     text = " ".join(capsys.readouterr().out.split())
     for command in ("identify", "predict", "transfer", "diagnose", "invert", "next"):
