@@ -32,7 +32,7 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parents[1]
 
-EXAMPLES = ("bt50", "er32", "forgotten-sensor", "free-free", "hammer", "machine", "taper")
+EXAMPLES = ("bt50", "drawing", "er32", "forgotten-sensor", "free-free", "hammer", "machine", "taper")
 COMMANDS = ("identify", "predict", "transfer", "invert", "next", "stability")
 SPINDLE = "gauge"
 """Example whose spindle is identified first; the other commands read the file of its modes."""
@@ -79,7 +79,7 @@ def cases() -> list[Run]:
         script = str(REPOSITORY / "docs" / "studies" / f"{name.replace('-', '_')}.py")
         runs.append(Run(f"study-{name}", (script, "--json", "out.json"), ("out.json",)))
     # The taper is left out: its 26 levels take many minutes. The example bt50 has some of its data.
-    for name in ("bt50", "er32", "forgotten-sensor", "hammer", "free-free", "machine"):
+    for name in ("bt50", "drawing", "er32", "forgotten-sensor", "hammer", "free-free", "machine"):
         runs.append(Run(f"diagnose-{name}", (*cli, "diagnose", name, "--json", "out.json"), ("out.json",)))
     for first in range(0, BLIND_CASES, BLIND_BLOCK):
         script = str(HERE / "blind_cases.py")

@@ -262,6 +262,7 @@ def test_mistakes(capsys: pytest.CaptureFixture[str], options: tuple[str, ...], 
 @pytest.mark.parametrize(
     ("name", "causes", "verdict"),
     [
+        ("drawing", (), "adequate"),
         ("er32", (), "unexplained"),
         ("free-free", ("sensor_mass", "calibration_gain", "hammer_offset", "joint_cross_term"), "adequate"),
         ("hammer", (), "adequate"),

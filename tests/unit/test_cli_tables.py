@@ -31,6 +31,7 @@ COMMANDS = {
 }
 NO_ANSWER = {
     "bt50": ("invert", "spindle", "stability", "catalogue"),
+    "drawing": ("spindle", "stability", "catalogue"),
     "er32": ("invert", "spindle", "stability", "catalogue"),
     "forgotten-sensor": ("spindle", "stability", "catalogue"),
     "free-free": ("spindle", "stability", "catalogue"),

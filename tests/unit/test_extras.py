@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from command_line import call
 from receptance import FRF, STEEL, Assembly, Part, Segment, examples
 from receptance.cli import main
 from receptance.errors import MissingExtraError
@@ -53,3 +54,12 @@ def test_commands_end_before_their_work(
         main()
     assert end.value.code == 2
     assert "needs xarray and zarr" in capsys.readouterr().err
+
+
+def test_a_drawing_of_an_example_names_its_extra(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    examples.write("drawing", tmp_path / "mine")
+    for words in (("check", tmp_path / "mine"), ("contour", tmp_path / "mine" / "holder.dxf")):
+        assert call(*words) == 2
+        text = " ".join(capsys.readouterr().err.split())
+        assert "a DXF file needs ezdxf: pip install 'receptance[drawing]'" in text
+        assert "Traceback" not in text

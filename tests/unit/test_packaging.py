@@ -160,7 +160,10 @@ def test_sdist_contains_all_build_inputs(tmp_path: Path) -> None:
     with tarfile.open(archive) as opened:
         names = {name.partition("/")[2] for name in opened.getnames()}
     expected = {"pyproject.toml", "Cargo.toml", "Cargo.lock", "README.md", "LICENSE"}
-    for folder, kinds in (("rust", (".rs", ".toml")), ("python", (".py", ".pyi", ".typed", ".csv", ".toml", ".json"))):
+    for folder, kinds in (
+        ("rust", (".rs", ".toml")),
+        ("python", (".py", ".pyi", ".typed", ".csv", ".dxf", ".toml", ".json")),
+    ):
         files = (path for path in (ROOT / folder).rglob("*") if path.suffix in kinds or path.name == "py.typed")
         expected |= {path.relative_to(ROOT).as_posix() for path in files}
     missing = {name for name in expected - names if not name.startswith("rust/core/benches/")}

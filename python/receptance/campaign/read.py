@@ -36,7 +36,7 @@ _MOST_SPEEDS = 20_000
 _DEEPEST = 20
 _TOO_DEEP = f"tables and lists are nested more than {_DEEPEST} deep, expected a campaign"
 _LARGEST = 2**63
-_REQUIRED = ("materials", "parts", "assemblies")
+_REQUIRED = ("parts", "assemblies")
 """Sections that a file without `cuts` must have; cuts may have measured tips only."""
 
 

@@ -787,7 +787,9 @@ class CampaignTable(KeyTable):
     format = Value("version of this format", _read_version, {"const": 1}).default(1)
     title = text("free text").default("")
     description = text("free text: the origin of the data, and whether they are simulated").default("")
-    materials: Mapping[str, ElementTable] = _named("materials by name", MATERIAL).needed()
+    materials: Mapping[str, ElementTable] = _named(
+        "materials by name; those of `receptance materials` need no table", MATERIAL
+    ).default(_EMPTY)
     parts: Mapping[str, PartTable] = _named_by_word("parts by name", PartTable.keys()).needed()
     modal_parts: Mapping[str, ElementTable] = _named_by_word(
         "parts known by their modes, such as a spindle, by name", MODAL_PART

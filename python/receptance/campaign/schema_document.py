@@ -64,7 +64,7 @@ def json_schema() -> dict[str, Any]:
     --------
     >>> from receptance.campaign import json_schema
     >>> json_schema()["anyOf"]
-    [{'required': ['materials', 'parts', 'assemblies']}, {'required': ['cuts']}]
+    [{'required': ['parts', 'assemblies']}, {'required': ['cuts']}]
     """
     schema = tables.CampaignTable.keys().definition()
     needed = schema.pop("required")

@@ -41,9 +41,8 @@ class Example:
     def files(self, progress: Say | None = None) -> dict[str, bytes]:
         """Return the contents of all files by name."""
         packaged = resources.files("receptance.examples") / self.folder
-        found = {
-            file.name: file.read_bytes() for file in packaged.iterdir() if file.name.endswith((".toml", ".md", ".csv"))
-        }
+        endings = (".toml", ".md", ".csv", ".dxf")
+        found = {file.name: file.read_bytes() for file in packaged.iterdir() if file.name.endswith(endings)}
         if self.data is not None:
             found |= self.data(self.campaign, progress or (lambda _: None))
         return dict(sorted(found.items()))
@@ -57,6 +56,11 @@ EXAMPLES = {
             "a rigid holder in its taper at seven drawbar forces, after a publication, SIMULATED; four held out",
             "bt50",
             taper,
+        ),
+        Example(
+            "drawing",
+            "an end mill with flutes in a holder read from its DXF drawing, a foreign model, SIMULATED; one held out",
+            "drawing",
         ),
         Example(
             "er32",
