@@ -475,6 +475,7 @@ fn tapers(row: &[f64; column::COUNT], from: f64, to: f64) -> bool {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
