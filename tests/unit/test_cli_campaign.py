@@ -246,10 +246,10 @@ def test_campaign_without_unknowns_is_predicted_from_given_values() -> None:
         (('length = "60 mm"', 'length = "60 mn"'), ["identify", "."], "parts.tool.segments[0].length"),
         (('["2500 Hz", "10000 Hz"]', '["2500 Hz"]'), ["identify", "."], "2 unknowns but only 1 observed"),
         (('standard_deviation = "2 Hz"', 'role = "hold out"'), ["identify", "."], "no measurement for identification"),
-        (None, ["example", "er33"], 'there is no example "er33", expected one of "bt50", "er32"'),
+        (None, ["example", "er33"], 'there is no example "er33", expected one of "bt50", "drawing"'),
         (None, ["example", "er32", "campaign.toml"], "cannot write to campaign.toml: it is a file"),
         (None, ["example", "er32", "."], "campaign.toml exists already; choose another folder"),
-        (None, ["example"], "no example given, expected one of bt50, er32"),
+        (None, ["example"], "no example given, expected one of bt50, drawing"),
     ],
 )  # fmt: skip
 def test_mistake_prints_message_without_traceback(
