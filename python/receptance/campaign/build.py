@@ -492,17 +492,19 @@ class Builder:
             if unknown.configurations is not None and path[-1] not in unknown.configurations:
                 continue
             addresses = addresses_of(unknown)
-            moved = {own for address in addresses for own in covered(address, made)}
+            moved = {name for address in addresses for name in covered(address, made)}
             more: dict[str, float] = {}
-            for own in sorted({own for address in addresses for own in covered(address, shank.drawn)}):
-                targets = shank.insertion.moved(own)
-                if own not in targets:
+            for parameter in sorted({name for address in addresses for name in covered(address, shank.drawn)}):
+                targets = shank.insertion.moved(parameter)
+                if parameter not in targets:
                     text = (
-                        f"moves {own}, which the insertion of {path_text(path)} makes {one_of(targets)}: it ends in "
-                        f"segment {shank.insertion.divided} of the holder; divide that segment in the file where the "
-                        "shank ends"
+                        f"moves {parameter}, which the insertion of {path_text(path)} makes {one_of(targets)}: it "
+                        f"ends in segment {shank.insertion.divided} of the holder; divide that segment in the file "
+                        "where the shank ends"
                     )
-                    self.problems.add(("unknowns", title), text if targets else f"moves {own}, which is in the bore")
+                    self.problems.add(
+                        ("unknowns", title), text if targets else f"moves {parameter}, which is in the bore"
+                    )
                 more |= {target: factor for target, factor in targets.items() if target not in moved}
             if more:
                 also = ", ".join(f'"{target}" = {factor:g}' for target, factor in more.items())

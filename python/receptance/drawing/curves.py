@@ -319,9 +319,9 @@ def _check_nodes(net: _Net, frame: Frame, axis: bool) -> None:
     curve, here = net.curves[index], net.places[end]
     problem = "the contour is open: this end touches no other line"
     others = [(math.hypot(*(net.places[o] - here)), net.curves[i].entity, o) for i, o in free if i != index]
-    own = 2 * index + 1 - end % 2
-    if not others and len(curve.points) > 2 and any(o == own for _, o in free):
-        others = [(math.hypot(*(net.places[own] - here)), "the same entity", own)]
+    opposite = 2 * index + 1 - end % 2
+    if not others and len(curve.points) > 2 and any(o == opposite for _, o in free):
+        others = [(math.hypot(*(net.places[opposite] - here)), "the same entity", opposite)]
     if others:
         gap, entity, other = min(others)
         near = frame.place(net.places[other])
@@ -369,9 +369,9 @@ def _traced(net: _Net, chain: Sequence[tuple[int, bool]]) -> Loop:
     entities: list[str] = []
     for index, reverse in chain:
         curve = net.curves[index]
-        own = curve.points[::-1] if reverse else curve.points
-        points += list(own[:-1])
-        entities += [curve.entity] * (len(own) - 1)
+        ordered = curve.points[::-1] if reverse else curve.points
+        points += list(ordered[:-1])
+        entities += [curve.entity] * (len(ordered) - 1)
     last_index, last_reverse = chain[-1]
     last = net.curves[last_index].ends[0 if last_reverse else 1]
     if math.hypot(*(last - points[0])) > net.tolerance:  # closed along the axis

@@ -180,12 +180,12 @@ def _unit(document: Any, unit: str) -> tuple[str, list[str]]:
     if not unit:
         return stated, []
     try:
-        given = parse(f"1 {unit}", COORDINATE)
+        metres = parse(f"1 {unit}", COORDINATE)
     except ValueError:
         raise FileFormatError(f'the unit is "{unit}", expected one of length such as "mm"', option="unit") from None
     if not stated:
         return unit, [f"the unit is {unit}, as stated; the drawing states none"]
-    if abs(parse(f"1 {stated}", COORDINATE) / given - 1.0) > 1e-9:
+    if abs(parse(f"1 {stated}", COORDINATE) / metres - 1.0) > 1e-9:
         return unit, [f"the unit is {unit}, as stated; the drawing states {stated}"]
     return unit, []
 
@@ -205,7 +205,7 @@ def _entities(space: Any) -> Iterator[tuple[Any, str]]:
         else:
             inserted = entity.multi_insert() if entity.mcount > 1 else [entity]
             name = f'block "{printable(entity.dxf.name)}" (INSERT #{entity.dxf.handle})'
-            inner = (one for insert in inserted for one in _of_block(insert))
+            inner = (part for insert in inserted for part in _of_block(insert))
             waiting.append((inner, name, depth + 1))
 
 
@@ -231,12 +231,12 @@ def _points(entity: Any, distance: float) -> list[Any]:
     if entity.has_arc:
         points = []
         for part in entity.virtual_entities():
-            own = _points(part, distance)
-            if points and own[0].distance(points[-1]) > own[-1].distance(points[-1]):
-                own.reverse()
+            arc = _points(part, distance)
+            if points and arc[0].distance(points[-1]) > arc[-1].distance(points[-1]):
+                arc.reverse()
             elif not points and entity.has_arc:
-                own = _towards_next(own, entity)
-            points += own[1 if points else 0 :]
+                arc = _towards_next(arc, entity)
+            points += arc[1 if points else 0 :]
         return points
     points = list(entity.vertices_in_wcs() if kind == "LWPOLYLINE" else entity.points_in_wcs())
     closed = entity.closed if kind == "LWPOLYLINE" else entity.is_closed

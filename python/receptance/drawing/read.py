@@ -236,12 +236,12 @@ def _drawn(sheet: Sheet, options: DrawingOptions, tolerance: float) -> DrawnCont
     """Return the contour in the layers of a drawing."""
     notes: list[str] = []
     bores = [sheet.layer(name) for name in _names(options.get("bore_layer", ()))]
-    given = bool(bores)
-    if not given:
+    are_stated = bool(bores)
+    if not are_stated:
         bores = [name for name in sheet.layers if name.casefold() in _BORE_LAYERS and name not in sheet.hidden]
     profiles = _profile_layers(sheet, _names(options.get("layer", ())), set(bores), notes)
     bores = [name for name in bores if name not in profiles]
-    if bores and not given:
+    if bores and not are_stated:
         notes.append(f"the bores are those of layer {_quoted(bores)}")
     frame, assumed = _axis(sheet, options.get("axis", ""), notes)
     across = tolerance / sheet.factor
@@ -477,10 +477,14 @@ def _check_crossings(loop: Loop, others: Sequence[Loop], frame: Frame, tolerance
             start, end = other.points, np.roll(other.points, -1, axis=0)
             side = [along[0] * (ends[:, 1] - p[1]) - along[1] * (ends[:, 0] - p[0]) for ends in (start, end)]
             edge = end - start
-            own = [edge[:, 0] * (point[1] - start[:, 1]) - edge[:, 1] * (point[0] - start[:, 0]) for point in (p, q)]
+            other_side = [
+                edge[:, 0] * (point[1] - start[:, 1]) - edge[:, 1] * (point[0] - start[:, 0]) for point in (p, q)
+            ]
             least = tolerance * np.hypot(*along), tolerance * np.hypot(edge[:, 0], edge[:, 1])
             crossing = (side[0] * side[1] < 0.0) & (np.minimum(np.abs(side[0]), np.abs(side[1])) > least[0])
-            crossing &= (own[0] * own[1] < 0.0) & (np.minimum(np.abs(own[0]), np.abs(own[1])) > least[1])
+            crossing &= (other_side[0] * other_side[1] < 0.0) & (
+                np.minimum(np.abs(other_side[0]), np.abs(other_side[1])) > least[1]
+            )
             if crossing.any():
                 second = int(np.flatnonzero(crossing)[0])
                 raise wrong(

@@ -148,7 +148,7 @@ def _breaks(edges: _Edges, frame: Frame, tolerance: float) -> list[float]:
 
     Lines of one layer that cross raise.
     """
-    found = list(np.unique(np.concatenate([edges.start[:, 0], edges.end[:, 0]])))
+    positions = list(np.unique(np.concatenate([edges.start[:, 0], edges.end[:, 0]])))
     extra: list[float] = []
     for first in range(len(edges.start)):
         others, places = _crossings(edges, first, tolerance)
@@ -167,9 +167,9 @@ def _breaks(edges: _Edges, frame: Frame, tolerance: float) -> list[float]:
     with np.errstate(divide="ignore", invalid="ignore"):
         extra += (x0 + (x1 - x0) * y0 / (y0 - y1))[through].tolist()
     for x in extra:
-        if all(abs(x - other) > 0.5 * tolerance for other in found):
-            found.append(x)
-    return sorted(float(x) for x in found)
+        if all(abs(x - other) > 0.5 * tolerance for other in positions):
+            positions.append(x)
+    return sorted(float(x) for x in positions)
 
 
 def _crossings(edges: _Edges, first: int, tolerance: float) -> tuple[NDArray[np.int64], Points]:
@@ -185,8 +185,8 @@ def _crossings(edges: _Edges, first: int, tolerance: float) -> tuple[NDArray[np.
     # Ends that touch an edge within the tolerance do not cross it.
     inside = (t * length > tolerance) & ((1.0 - t) * length > tolerance)
     inside &= (u * lengths > tolerance) & ((1.0 - u) * lengths > tolerance)
-    found = np.flatnonzero(inside & (cross != 0.0))
-    return first + 1 + found, p + t[found, None] * r
+    crossed = np.flatnonzero(inside & (cross != 0.0))
+    return first + 1 + crossed, p + t[crossed, None] * r
 
 
 def _bands(edges: _Edges, low: float, high: float, tolerance: float) -> dict[tuple[str, int], list[Band]]:
@@ -196,10 +196,10 @@ def _bands(edges: _Edges, low: float, high: float, tolerance: float) -> dict[tup
     slope = (edges.end[spans, 1] - edges.start[spans, 1]) / (x1[spans] - x0[spans])
     at_low = edges.start[spans, 1] + slope * (low - x0[spans])
     at_high = edges.start[spans, 1] + slope * (high - x0[spans])
-    found: dict[tuple[str, int], list[Band]] = {}
+    bands_of: dict[tuple[str, int], list[Band]] = {}
     for layer in dict.fromkeys(edges.layers):
-        own = np.flatnonzero(edges.layer[spans] == layer)
-        ordered = own[np.argsort(at_low[own] + at_high[own], kind="stable")]
+        of_layer = np.flatnonzero(edges.layer[spans] == layer)
+        ordered = of_layer[np.argsort(at_low[of_layer] + at_high[of_layer], kind="stable")]
         for below, above in zip(ordered[::2], ordered[1::2], strict=True):
             lower = (float(at_low[below]), float(at_high[below]))
             upper = (float(at_low[above]), float(at_high[above]))
@@ -213,10 +213,10 @@ def _bands(edges: _Edges, low: float, high: float, tolerance: float) -> dict[tup
                     near, far = (value if value > tolerance else 0.0 for value in inner)
                     outside = (max(outer[0], 0.0), max(outer[1], 0.0))
                     if 0.5 * (sum(outside) - near - far) > 0.0:
-                        found.setdefault((layer, side), []).append(Band((near, far), outside, pair))
-    for bands in found.values():
+                        bands_of.setdefault((layer, side), []).append(Band((near, far), outside, pair))
+    for bands in bands_of.values():
         bands.sort(key=lambda band: band.middle)
-    return found
+    return bands_of
 
 
 # Checks ---------------------------------------------------------------------------------------------------------------
@@ -233,9 +233,9 @@ def _check_sides(
     drawn = {key for bands in cuts for key in bands}
     sides = set()
     for layer in dict.fromkeys(edges.layers):
-        own = [side for side in (1, -1) if (layer, side) in drawn]
-        sides.update(own)
-        if len(own) < 2:
+        sides_of_layer = [side for side in (1, -1) if (layer, side) in drawn]
+        sides.update(sides_of_layer)
+        if len(sides_of_layer) < 2:
             continue
         for (low, high), bands in zip(pairwise(breaks), cuts, strict=True):
             if high - low < _LEAST * tolerance:
@@ -243,10 +243,10 @@ def _check_sides(
             above, below = bands.get((layer, 1), []), bands.get((layer, -1), [])
             pairs = [
                 (a, b, edge, direction)
-                for one, other in zip(above, below, strict=False)
+                for upper, lower in zip(above, below, strict=False)
                 for a, b, edge, direction in (
-                    (one.middle[0], other.middle[0], one.edges[0], one.inner),
-                    (one.middle[1], other.middle[1], one.edges[1], one.outer),
+                    (upper.middle[0], lower.middle[0], upper.edges[0], upper.inner),
+                    (upper.middle[1], lower.middle[1], upper.edges[1], upper.outer),
                 )
             ]
             for a, b, edge, (y0, y1) in pairs:
@@ -276,15 +276,15 @@ def _check_single(
     """Raise if a layer has material of several contours in an interval."""
     if ends[1] - ends[0] < _LEAST * tolerance:
         return
-    for own in bands.values():
-        loops = {edges.loops[band.edges[1]] for band in own}
-        if len(own) > 1 and len(loops) > 1:
-            x = 0.5 * sum(ends)
+    for of_layer in bands.values():
+        loops = {edges.loops[band.edges[1]] for band in of_layer}
+        if len(of_layer) > 1 and len(loops) > 1:
+            x, first = 0.5 * sum(ends), edges.entities[of_layer[0].edges[1]]
             raise wrong(
-                f"the layer has several profiles: beside this one that of {edges.entities[own[0].edges[1]]}, expected "
+                f"the layer has several profiles: beside this one that of {first}, expected "
                 "one; put each part into a layer of its own, and give its `layer`",
-                *edges.name(own[-1].edges[1]),
-                frame.place((x, own[-1].middle[1])),
+                *edges.name(of_layer[-1].edges[1]),
+                frame.place((x, of_layer[-1].middle[1])),
             )
 
 

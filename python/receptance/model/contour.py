@@ -100,8 +100,8 @@ class Piece:
             (self.outer_diameter, self.end_outer_diameter, 1.0),
             (self.inner_diameter, self.end_inner_diameter, -1.0),
         )
-        own = sum(sign * (a * a + 2.0 * a * b + 3.0 * b * b) for a, b, sign in ends)
-        return math.pi * self.length**2 / 48.0 * own + self.start * self.volume
+        moment = sum(sign * (a * a + 2.0 * a * b + 3.0 * b * b) for a, b, sign in ends)
+        return math.pi * self.length**2 / 48.0 * moment + self.start * self.volume
 
 
 @dataclass(frozen=True)
@@ -200,13 +200,13 @@ class Contour:
     def pieces(self) -> tuple[Piece, ...]:
         """Cylinders and cones from the tip-side end on, divided where the profile or a bore changes."""
         start = self.outer[0][0]
-        found = []
+        pieces = []
         for low, high in pairwise(self._breaks):
             outer, end_outer = _ends(self.outer, low, high)
             bore = next((bore for bore in self.bores if bore[0][0] - _SAME < low and high < bore[-1][0] + _SAME), None)
             inner, end_inner = (0.0, 0.0) if bore is None else _ends(bore, low, high)
-            found.append(Piece(low - start, high - low, outer, end_outer, inner, end_inner))
-        return tuple(found)
+            pieces.append(Piece(low - start, high - low, outer, end_outer, inner, end_inner))
+        return tuple(pieces)
 
     @property
     def _breaks(self) -> list[float]:
