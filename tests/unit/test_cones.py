@@ -263,3 +263,23 @@ def test_extreme_but_valid_cones_are_finite() -> None:
         Segment(length=0.2, outer_diameter=0.01, end_outer_diameter=0.02, material=soft),
     ):
         assert np.all(np.isfinite(_whole(cone)))
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_derivatives_of_every_motion_agree_with_differences(motion: Motion) -> None:
+    cone = replace(CONES["filled"], end_inner_diameter=0.01, core=replace(CARBIDE, loss_factor=0.002))
+    lines = [2e3, 3e4]
+
+    def assembly(values: dict[str, float]) -> Assembly:
+        return Assembly([Part([cone.with_values(values)], name="nose")], motion=motion)
+
+    names = list(cone.places)
+    receptance, slopes = assembly({}).derivatives(lines, [f"nose.segment[0].{name}" for name in names])
+    for name, slope in zip(names, np.moveaxis(slopes, -1, 0), strict=True):
+        value = cone.columns[cone.places[name]]
+        step = 1e-3 * value
+        steps = [assembly({name: value + count * step}).receptance(lines) for count in (1, -1, 2, -2)]
+        # A central difference of fourth order: what it leaves out is 1e-12 times powers of the distance to resonances.
+        difference = (8.0 * (steps[0] - steps[1]) - (steps[2] - steps[3])) / (12.0 * step)
+        size = np.abs(difference) + np.abs(receptance) / value
+        assert np.all(np.abs(slope.reshape(difference.shape) - difference) <= 1e-7 * size), name
