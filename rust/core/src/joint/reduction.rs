@@ -289,6 +289,7 @@ mod tests {
     use crate::line::amplitude::receptance;
     use crate::model::assembly::{Table, Tables};
     use crate::model::request::Parameter;
+    use crate::model::section::column::COUNT;
     use crate::observe::joint::{Fitted, OfJoint};
     use crate::observe::observed::Record;
     use std::sync::Arc;
@@ -323,7 +324,7 @@ mod tests {
             let node = node as f64;
             let mut row = vec![node, node + 1.0, self.between(0.003, 0.04), outer, bore];
             row.extend([self.power(10.8, 11.8), self.between(2700.0, 14e3), 0.3, self.between(0.0, 0.02)]);
-            row.extend([0.0; 5]);
+            row.resize(COUNT, 0.0);
             row
         }
 

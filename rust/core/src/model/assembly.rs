@@ -235,6 +235,9 @@ impl Model {
     /// # Errors
     /// A quantity without physical meaning, or elements that do not form one tree.
     pub fn new(motion: Motion, tables: Tables) -> Result<Self> {
+        for (table, values) in Table::ALL.into_iter().zip(tables.each()) {
+            debug_assert!(values.len().is_multiple_of(table.columns()), "{table:?}: not whole rows");
+        }
         let mut segments = Vec::new();
         let mut edges = Vec::new();
         for (row, values) in tables.segments.chunks_exact(section::column::COUNT).enumerate() {

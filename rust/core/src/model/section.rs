@@ -57,6 +57,14 @@ pub mod column {
     pub const COUNT: usize = 23;
 }
 
+/// The row of a circular cylinder: nodes, length, diameters and the ring's material.
+#[cfg(test)]
+pub fn cylinder(values: [f64; 9]) -> [f64; column::COUNT] {
+    let mut row = [0.0; column::COUNT];
+    row[..values.len()].copy_from_slice(&values);
+    row
+}
+
 /// Coefficients of a uniform segment per length: u' and f' of the element equations.
 ///
 /// In bending (D = 2) `kinetic` is (mass, rotary inertia) per length, `compliance` is (1/S, 1/B) with the

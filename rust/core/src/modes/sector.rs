@@ -264,12 +264,12 @@ fn wrapped(change: Complex64) -> Complex64 {
 mod tests {
     use super::*;
     use crate::model::assembly::Tables;
-    use crate::model::section::Motion;
+    use crate::model::section::{Motion, cylinder};
     use crate::modes::natural::natural_frequencies;
 
     #[test]
     fn a_lossy_bar_without_starts() {
-        let bar = [0.0, 1.0, 0.2, 0.02, 0.0, 2e11, 7850.0, 0.3, 0.02, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let bar = cylinder([0.0, 1.0, 0.2, 0.02, 0.0, 2e11, 7850.0, 0.3, 0.02]);
         let model = Model::new(Motion::Bending, Tables { segments: &bar, ..Tables::default() }).unwrap();
         let undamped = natural_frequencies(&model, Some(2e5), 100, &[]).unwrap().angular;
         let sector = Sector { inner: 100.0, outer: 2e5, below: -0.5, above: 1.1 };
