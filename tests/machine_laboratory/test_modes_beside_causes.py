@@ -14,11 +14,8 @@ from receptance import campaign
     ("seed", "index", "effect", "others"),
     [
         (3701, 0, "sensor_mass", ("calibration_gain", "tool_modulus")),
-        (3701, 1, "wrong_quantity", ("calibration_gain",)),
         # It divides a segment that has tolerances.
         (281128, 3, "fluted_part", ("tool_density",)),
-        # One of two sensors.
-        (281130, 12, "reversed_polarity", ("wrong_quantity", "sensor_mass")),
         # With one further mode the density of steel is strained.
         (281205, 49, "joint_overhang_law", ("tool_density",)),
     ],
