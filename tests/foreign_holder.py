@@ -58,13 +58,13 @@ CARBIDE = Material(585e9, 14490.0, 0.213, 0.0012)
 STEEL = Material(208.5e9, 7855.0, 0.29, 0.0008)
 
 
-def fluted_polygon(per_arc: int = 4000) -> FloatArray:
+def fluted_polygon(per_arc: int = 4000, core_mm: float = CORE_MM) -> FloatArray:
     """Return the corners of the section in m: the back of each tooth an arc from the core, each flute half a circle.
 
     With R, R_c the radii of diameter and core, the back is an arc about a point on the line to the edge at the distance
     a = (R^2 - R_c^2) / (2 R) from the axis, for four flutes.
     """
-    outer, core = 0.5e-3 * DIAMETER_MM, 0.5e-3 * CORE_MM
+    outer, core = 0.5e-3 * DIAMETER_MM, 0.5e-3 * core_mm
     a = (outer**2 - core**2) / (2.0 * outer)
     # In polar coordinates about the axis, theta from the start of the sector to the edge at 90 deg.
     theta = np.linspace(0.0, 0.5 * math.pi, per_arc, endpoint=False)

@@ -105,7 +105,7 @@ def test_a_parameter_keeps_its_declaration_through_other_causes() -> None:
         "fluted_part.length",
     ]
     assert found.implausible == ("sensor_mass.mass @ 50 mm", "fluted_part.log_diameter")
-    assert found.title == "mass of the sensor + thinner fluted part"
+    assert found.title == "mass of the sensor + fluted part"
 
 
 def test_a_structure_without_a_joint_has_a_suspension_and_a_sensor_in_proportion() -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
-from receptance.diagnosis.causes import Cause, Parameter, Variant
+from receptance.diagnosis.causes import Cause, CauseMove, Parameter, Variant
 from receptance.diagnosis.changes import attach, moved_step, overhangs_of, require_free
 from receptance.diagnosis.model import (
     IndescribableError,
@@ -111,8 +111,22 @@ def _lengthen(length: Parameter, configuration: str | None, model: Model) -> Mod
 
 
 def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
-    """Yield a thinner first section. Flutes leave less than the full circle, which is that of the last section."""
+    """Yield a thinner first section. Flutes leave less than the full circle, which is that of the last section.
+
+    Where the model has the section of flutes, their core and their length are in question instead.
+    """
     require_joint(model)
+    if _has_flutes(model):
+        core, length = p["log_core_diameter"], p["flute_length"]
+        for name, changed in (("core", (core,)), ("length", (length,)), ("core and length", (core, length))):
+            words = name.replace("core", "core diameter")
+            yield Variant(
+                f"{name} of the flutes",
+                partial(_change_flutes, changed),
+                meaning=f"the {words} of the flutes {'differ' if len(changed) > 1 else 'differs'} from what is stated",
+                remedy=f"measure the {words} of the flutes; grind or cut a worn tool of the kind to see its section",
+            )
+        return
     room = max(_room_to_full_circle(model), 0.0)
     low, high = p["log_diameter"].plausible
     yield from _first_section(replace(p["log_diameter"], upper=room, plausible=(low, high + room)), p["length"], model)
@@ -122,11 +136,68 @@ def _tip_diameter(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]
     """Yield another diameter of a first section, which flutes do not explain."""
     diameter = p["log_diameter"]
     if model.joints:
-        if _room_to_full_circle(model) > 0.0:
-            raise UndecidableError("the model has a thinner first section: see fluted_part")
+        if _room_to_full_circle(model) > 0.0 or _has_flutes(model):
+            kind = "the section of flutes" if _has_flutes(model) else "a thinner first section"
+            raise UndecidableError(f"the model has {kind}: see fluted_part")
         # A thinner one is that of flutes.
         diameter = replace(diameter, lower=0.0)
     yield from _first_section(diameter, p["length"], model)
+
+
+def _has_flutes(model: Model) -> bool:
+    """Return whether the model states the core of the flutes at the tip."""
+    shapes = [part.segments[0].shape for part in model.parts(model.tip)]
+    return any(shape is not None and shape.core_ratio is not None for shape in shapes)
+
+
+def _change_flutes(changed: Sequence[Parameter], model: Model) -> Model:
+    """Return the model with another core of the flutes, another length, or both."""
+    moves = {"log_core_diameter": _other_core, "flute_length": _other_flute_length}
+    for parameter in changed:
+        model = model.plus(moves[parameter.name](parameter, model))
+    return model
+
+
+def _other_core(core: Parameter, model: Model) -> CauseMove:
+    """Return an error of the core diameter.
+
+    In bending a section is its mass, rotary inertia and stiffnesses in bending and shear. With the exponents a, b and m
+    of area and second moments those of a core c times as large are rho D^2 c^a, rho D^4 c^b and E D^4 c^m, and so they
+    are with D c^((b - a) / 2), rho c^(2 a - b) and E c^(m - 2 b + 2 a), of which the core of the model has derivatives.
+    The shear stiffness is E D^2 c^a, apart from the shear coefficient, which stays: that is at most a twentieth of the
+    effect. The exponents are constant to a tenth for cores from 0.5 to 0.7 of the diameter.
+    """
+    shape, *others = {part.segments[0].shape for part in model.parts(model.tip)}
+    if any(observation.assembly.motion != "bending" for observation in model.observations):
+        raise IndescribableError("another core of the flutes is described for bending only")
+    if others or shape is None or shape.core_ratio is None:
+        raise IndescribableError("the flutes differ between the assemblies")
+    area, moment, inertia = shape.core_exponents()
+    first = f"{model.tip}.segment[0]"
+    diameter = 0.5 * (inertia - area)
+    moves = {address: n * diameter for address, n in of_thickness(model, first).items()}
+    moves[f"{first}.density"] = 2.0 * area - inertia
+    moves[f"{first}.youngs_modulus"] = moment - 4.0 * diameter
+    low, high = (math.log(limit / shape.core_ratio) for limit in shape.core_limits)
+    return core.move(moves, relative=True, lower=max(core.lower, low), upper=min(core.upper, high))
+
+
+def _other_flute_length(length: Parameter, model: Model) -> CauseMove:
+    """Return an error of the length of the flutes, which end before the next place or step on the tool."""
+    tip, parts = model.tip, model.parts(model.tip)
+    if any(len(part.segments) == 1 for part in parts):
+        raise IndescribableError("the whole tool has flutes")
+    room_back, room_on = math.inf, math.inf
+    for observation in model.observations:
+        if tip in observation.assembly.elements:
+            edges = edges_of(observation.assembly.elements[tip])
+            others = [x - edges[1] for x in (*places_on(observation, tip), edges[0], edges[2])]
+            if min(map(abs, others)) < SAME_PLACE:
+                raise IndescribableError("a coordinate or an attachment is where the flutes end")
+            room_back = min(room_back, -max(x for x in others if x < 0.0))
+            room_on = min(room_on, min(x for x in others if x > 0.0))
+    lower, upper = max(length.lower, -SHORTENED * room_back), min(length.upper, SHORTENED * room_on)
+    return length.move(moved_step(model, tip, edges_of(parts[0])[1]), lower=lower, upper=upper)
 
 
 def _room_to_full_circle(model: Model) -> float:
@@ -326,14 +397,17 @@ _LENGTH_OF_SECTION = Parameter(name="length", unit="m", lower=0.003, upper=0.5, 
 PART_CAUSES = (
     Cause(
         id="fluted_part",
-        title="thinner fluted part",
+        title="fluted part",
         parameters=(
             Parameter(name="log_diameter", unit="", lower=-0.5, upper=0.0, typical=-0.05, plausible=(-0.4, 0.0)),
             _LENGTH_OF_SECTION,
+            Parameter(name="log_core_diameter", unit="", lower=-0.4, upper=0.4, typical=0.05, plausible=(-0.25, 0.25)),
+            Parameter(name="flute_length", unit="m", lower=-0.03, upper=0.03, typical=1e-3, plausible=(-0.01, 0.01)),
         ),
         change=_flutes,
         meaning="the fluted part is thinner than the full circle that the model has there",
-        remedy="model the flutes with their effective diameter; a plain blank of the same size confirms it",
+        remedy="model the flutes with their section, or with their effective diameter; a plain blank of the same size "
+        "confirms it",
         unspecific=True,
     ),
     Cause(

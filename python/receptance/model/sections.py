@@ -21,7 +21,7 @@ import numpy as np
 
 from receptance import _checks
 from receptance.errors import warn_user
-from receptance.model.flutes import checked_flutes, fluted_outline
+from receptance.model.flutes import MOST_CORE, checked_flutes, fluted_outline, smallest_core
 from receptance.model.outlines import Outline, checked_outline
 from receptance.model.section_solutions import solution_of
 from receptance.model.warping import Flexibility, mean_of_planes
@@ -41,6 +41,8 @@ _RECTANGLE_TERMS = 4000
 that slender strips are exact as well."""
 _LARGEST = 2.0
 """Largest usual diameter in m; a larger one is probably in mm."""
+_CORE_STEP = 0.03
+"""Relative step of the core diameter for exponents."""
 _COUPLED = 1e-3
 """Product of inertia over the mean second moment up to which the planes x and y are taken as principal ones."""
 
@@ -392,6 +394,55 @@ class SectionShape:
     def bending_diameter(self) -> float:
         """Diameter in m of the solid cylinder with the same bending stiffness, the mean of both planes."""
         return float(self.diameter * self.averaged().moment[0] ** 0.25)
+
+    @property
+    def core_ratio(self) -> float | None:
+        """Core diameter of flutes over the diameter; None for other shapes.
+
+        Examples
+        --------
+        >>> from receptance import SectionShape
+        >>> SectionShape.fluted(4, diameter=0.012, core_diameter=0.006).core_ratio
+        0.5
+        """
+        core = dict(self.recipe).get("core_diameter")
+        return None if core is None else float(core) / self.diameter
+
+    @property
+    def core_limits(self) -> Pair:
+        """Smallest and largest `core_ratio` of a section with as many flutes."""
+        return smallest_core(int(dict(self.recipe)["flutes"])), MOST_CORE
+
+    def core_exponents(self) -> tuple[float, float, float]:
+        """Return d log / d log core diameter of area, and of second moments for stiffness and for rotary inertia.
+
+        These are differences over some percent of the core diameter of flutes, in the plane y.
+
+        Examples
+        --------
+        >>> from receptance import SectionShape
+        >>> mill = SectionShape.fluted(4, diameter=0.012, core_diameter=0.0072)
+        >>> [round(exponent, 2) for exponent in mill.core_exponents()]
+        [0.94, 1.45, 1.45]
+        """
+        arguments, (least, most) = dict(self.recipe), self.core_limits
+        plane: Plane = "x" if self._plane == "x" else "mean" if self._plane == "mean" else "y"
+        ratio = float(arguments["core_diameter"]) / self.diameter
+        ends = max(ratio * math.exp(-_CORE_STEP), least), min(ratio * math.exp(_CORE_STEP), most)
+        thin, thick = (
+            SectionShape.fluted(
+                int(arguments["flutes"]),
+                diameter=self.diameter,
+                core_diameter=end * self.diameter,
+                straight="straight" in arguments,
+            ).factors(plane)
+            for end in ends
+        )
+        area, moment, inertia = (
+            math.log(getattr(thick, name) / getattr(thin, name)) / math.log(ends[1] / ends[0])
+            for name in ("area", "moment", "inertia")
+        )
+        return area, moment, inertia
 
     @property
     def area_m2(self) -> float:
