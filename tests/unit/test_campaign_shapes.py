@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from receptance import Assembly, Part, SectionShape, Segment, campaign
-from receptance.campaign.shapes import shape_keys
+from receptance import STEEL, Assembly, GroundSpring, Part, SectionShape, Segment, campaign
+from receptance.campaign.shapes import note_on_directions, shape_keys
 
 HEAD = """
 [materials.steel]
@@ -106,3 +106,26 @@ def test_mistakes_are_told(tmp_path: Path, lines: str, message: str) -> None:
     with pytest.raises(campaign.CampaignError) as error:
         read(tmp_path, lines)
     assert message in str(error.value).replace(", parts.bar.segments[0].", " "), str(error.value)
+
+
+def test_two_flutes_with_a_helix_are_noted(tmp_path: Path) -> None:
+    for flutes, key, told in ((2, "", True), (2, ", straight = true", False), (3, "", False)):
+        read(tmp_path, f'outer_diameter = "12 mm"\nshape = {{ flutes = {flutes}, core_diameter = "7 mm"{key} }}')
+        notes = campaign.load(tmp_path / "campaign.toml").notes
+        assert any("shape: has two flutes" in note for note in notes) == told, notes
+
+
+@pytest.mark.parametrize("helix", [None, 0.0])
+def test_the_note_on_straight_flutes_has_the_ratio_of_both_planes(helix: float | None) -> None:
+    """A long tool, so that bending alone counts."""
+    shape = SectionShape.fluted(2, diameter=0.012, core_diameter=0.007, straight=True)
+
+    def compliance(in_plane: SectionShape) -> float:
+        flutes = Segment(length=0.2, outer_diameter=0.012, shape=in_plane, material=STEEL)
+        shank = Segment(length=0.1, outer_diameter=0.014, material=STEEL)
+        clamp = GroundSpring(k_y=1e13, k_theta=1e10, part="tool", position="end")
+        return float(Assembly([Part([flutes, shank], name="tool")], [clamp]).receptance([0.01])[0].real)
+
+    ratio = compliance(shape) / compliance(shape.turned())
+    text = note_on_directions(shape, 0.2, helix=helix, shank=(0.1, 14 / 12))
+    assert float(text.split(" times")[0].split()[-1]) == pytest.approx(ratio, abs=0.01)

@@ -14,7 +14,7 @@ from command_line import call
 from machine_with_catalogue import HOLDERS, TOOLS, load
 from receptance import MATERIALS, STEEL, Part, SectionShape
 from receptance.campaign import CampaignError
-from receptance.catalogue import Catalogue, read_holders, read_tools
+from receptance.catalogue import Catalogue, predict_catalogue, read_holders, read_tools
 from receptance.catalogue.iso13399 import TOOL_SYMBOLS, symbol_table
 
 PLAIN = """\
@@ -249,3 +249,14 @@ def test_the_command_prints_a_table_for_a_campaign(tmp_path: Path, capsys: pytes
     listed = load_campaign(tmp_path, text)
     assert by_name(stated.tolerances["short"]) == by_name(listed.tolerances["short"])
     assert stated.assemblies["short"].get("tool.segment[0].density") == MATERIALS["carbide-10co"].density
+
+
+def test_two_flutes_are_told_to_bend_differently_in_two_directions(tmp_path: Path) -> None:
+    text = FLUTES + "T3,er32,carbide,10,12,60,25,60,2,30,\nT4,er32,carbide,10,12,60,25,60,2,,\n"
+    notes = {tool.row.name: " ".join(tool.notes) for tool in predict_catalogue(Catalogue(load(tmp_path, tools=text)))}
+    assert "flutes" not in notes["T1"]
+    assert "T2: has two straight flutes; the model has the plane y" in notes["T2"]
+    assert 'plane = "x"' in notes["T2"]
+    for name in ("T3", "T4"):
+        assert "has two flutes, which bend differently in x and y; the model has the mean" in notes[name]
+        assert "(helix of 30 deg)" in notes[name]

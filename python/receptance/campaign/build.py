@@ -27,7 +27,7 @@ from receptance.campaign.schema import (
     SpindleTable,
     UnknownTable,
 )
-from receptance.campaign.shapes import shape_of
+from receptance.campaign.shapes import note_on_directions, shape_of
 from receptance.campaign.values import PLAIN_NUMBER, kind_of, prior_of
 from receptance.coupling.unknown_modes import bounds_of_modes
 from receptance.errors import ReceptanceError
@@ -251,6 +251,8 @@ class Builder:
         if table.shape is not None:
             shape = self.make((*path, "shape"), shape_of, table.shape, outer, self.folder)
             outer = shape.diameter if outer is None else outer
+            if not table.shape.straight and (text := note_on_directions(shape, table.length)):
+                self.note((*path, "shape"), text)
         elif outer is None:
             self.fail((*path, "outer_diameter"), f"is missing: outer diameter, such as {units.LENGTH.example}")
         made: Segment = self.element(table, path, outer_diameter=outer, shape=shape)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +10,11 @@ from receptance import drawing, units
 from receptance.campaign.keys import KeyTable, ListOf, Place, Value, data_file, flag, one_or_list, text
 from receptance.model.beams import Segment
 from receptance.model.fields import Choice, Count, Number
-from receptance.model.flutes import MOST_FLUTES
+from receptance.model.flutes import MOST_FLUTES, spread_of_directions
 from receptance.model.sections import SectionShape
 
+_USUAL_HELIX = 30.0
+"""Helix angle in degrees of flutes for which none is stated."""
 _SAME_SIZE = 0.01
 """Largest relative difference of a stated outer diameter and the size of a shape."""
 
@@ -120,6 +123,53 @@ def shape_of(table: ShapeTable, outer_diameter: float | None, folder: Path | Non
             f"outer_diameter is {1e3 * outer_diameter:.4g} mm; expected the same, or no outer_diameter"
         )
     return shape.turned() if table.plane == "x" else shape.averaged() if table.plane == "mean" else shape
+
+
+def note_on_directions(
+    shape: SectionShape, length: float, *, helix: float | None = None, shank: tuple[float, float] = (0.0, 1.0)
+) -> str:
+    """Return what a user should know of two flutes, which bend differently in x and y; empty for other shapes.
+
+    Parameters
+    ----------
+    shape : SectionShape
+        The section of the flutes.
+    length : float
+        Length of the flutes in m.
+    helix : float, optional
+        Helix angle in degrees; that of usual tools where it is not known.
+    shank : tuple of 2 floats, optional
+        Length in m and diameter over that of the flutes of the cylinder behind them.
+
+    Examples
+    --------
+    >>> from receptance import SectionShape
+    >>> from receptance.campaign.shapes import note_on_directions
+    >>> mill = SectionShape.fluted(2, diameter=0.012, core_diameter=0.0072)
+    >>> print(note_on_directions(mill, 0.03))  # doctest: +ELLIPSIS
+    has two flutes, which ... up to 22 % more or less (helix of 30 deg); hit it in two directions at right angles
+    """
+    arguments = dict(shape.recipe)
+    is_straight = "straight" in arguments
+    if arguments.get("flutes") != 2 or (is_straight and shape.is_isotropic):
+        return ""
+    core = float(arguments["core_diameter"])
+    straight = SectionShape.fluted(2, diameter=shape.diameter, core_diameter=core, straight=True)
+    degrees = _USUAL_HELIX if helix is None else helix
+    half_pitch = math.inf if is_straight else 0.5 * math.pi * shape.diameter / math.tan(math.radians(abs(degrees)))
+    spread = spread_of_directions(straight.moment, length, length / half_pitch, (shank[0], shank[1] ** 4))
+    if not is_straight:
+        return (
+            "has two flutes, which bend differently in x and y; the model has the mean, and in one direction a tip "
+            f"that is clamped behind the {'shank' if shank[0] else 'flutes'} yields up to {100.0 * spread:.0f} % more "
+            f"or less (helix of {degrees:g} deg); hit it in two directions at right angles"
+        )
+    stiff_over_soft = (1.0 - spread) / (1.0 + spread)
+    in_y = stiff_over_soft if shape.moment[1] > shape.moment[0] else 1.0 / stiff_over_soft
+    return (
+        "has two straight flutes; the model has the plane y of the section, in which a clamped tip yields "
+        f"{in_y:.2f} times as much as in x"
+    )
 
 
 def shape_keys(segment: Segment) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from receptance import _checks
 from receptance.campaign import CampaignError, predict_assembly
 from receptance.campaign.prediction import beyond_spindle, lines_between, spindle_lines
 from receptance.catalogue.building import Catalogue
-from receptance.catalogue.rows import ToolRow
+from receptance.catalogue.rows import ToolRow, note_on_flutes
 from receptance.errors import ReceptanceError
 from receptance.fit import Identification, PredictedFRF
 from receptance.fit.covariance import confidence_multiplier
@@ -151,6 +151,8 @@ def _predict(
 ) -> ToolPrediction:
     """Return the prediction of a tool; `notes` are those on the spindle, which all tools share."""
     tool, notes_of_tool = catalogue.assemble(row), list(notes)
+    if text := note_on_flutes(row):
+        notes_of_tool.append(f"{row.name}: {text}")
     predicted = predict_assembly(catalogue.campaign, identified, tool.site, tool.tolerances, row.name, notes_of_tool, 1)
     linear = predicted.linear(lines)
     modes, scatter = predicted.line_modes(lines, linear)

@@ -9,6 +9,7 @@ from typing import Annotated
 
 from receptance import units
 from receptance.campaign.csv_rows import DerivedFrom, ShareOf, read_rows
+from receptance.campaign.shapes import note_on_directions
 from receptance.catalogue.iso13399 import HOLDER_SYMBOLS, TOOL_SYMBOLS
 from receptance.model.sections import SectionShape
 
@@ -178,6 +179,21 @@ def flutes_of(tool: ToolRow) -> SectionShape:
         core_diameter=tool.core_diameter,
         straight=tool.helix_angle == 0.0,
     )
+
+
+def note_on_flutes(tool: ToolRow) -> str:
+    """Return what a user should know of a tool with two flutes, in whose directions it bends differently.
+
+    It is empty for other tools, and for those with an effective diameter.
+    """
+    if not tool.core_diameter:
+        return ""
+    shape = flutes_of(tool)
+    shank = (tool.overhang - tool.flute_length, tool.diameter / shape.diameter)
+    text = note_on_directions(shape, tool.flute_length, helix=tool.helix_angle, shank=shank)
+    if text and tool.helix_angle == 0.0:
+        text += '; a part of a campaign has `plane = "x"` or "mean" under `shape` for the others'
+    return text
 
 
 def _contradictions(tool: ToolRow) -> Iterator[tuple[str, str]]:

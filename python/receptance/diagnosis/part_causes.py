@@ -124,7 +124,8 @@ def _flutes(p: Mapping[str, Parameter], model: Model) -> Iterator[Variant]:
                 f"{name} of the flutes",
                 partial(_change_flutes, changed),
                 meaning=f"the {words} of the flutes {'differ' if len(changed) > 1 else 'differs'} from what is stated",
-                remedy=f"measure the {words} of the flutes; grind or cut a worn tool of the kind to see its section",
+                remedy=f"measure the {words} of the flutes"
+                + ("; a worn tool of the kind, cut across, shows its section" if core in changed else ""),
             )
         return
     room = max(_room_to_full_circle(model), 0.0)

@@ -31,6 +31,8 @@ _STOUTEST = 1.25
 """Smallest ratio of the radii of back and flute."""
 _BACK_POINTS, _FLUTE_POINTS = 200, 120
 """Number of points on all backs and in all flutes."""
+_QUADRATURE = 100
+"""Points of Gauss's rule along the flutes, enough for 30 half pitches."""
 _FEWEST = 12
 """Smallest number of points of an arc."""
 
@@ -98,6 +100,43 @@ def _back_radius(number: int, core: float) -> float:
     """Return the radius of the backs of the teeth of a section of diameter 1."""
     outer, inner = 0.5, 0.5 * core
     return outer - (outer**2 - inner**2) / (2.0 * (outer - inner * math.cos(2.0 * math.pi / number)))
+
+
+def spread_of_directions(
+    moments: tuple[float, float], length: float, turns: float, shank: tuple[float, float]
+) -> float:
+    """Return how much the tip of a clamped tool with two flutes yields more in its softest direction than in the mean.
+
+    In the stiffest direction it yields as much less. In bending alone the compliance in the direction alpha is the
+    integral of x^2 [1/I_1 + 1/I_2 + (1/I_1 - 1/I_2) cos 2 (theta(x) - alpha)] / (2 E) over the distance x from the tip,
+    with the principal second moments I_1 and I_2 and the angle theta by which the helix has turned them; the part with
+    alpha is largest where alpha has the phase of the integral of x^2 exp(2 i theta).
+
+    Parameters
+    ----------
+    moments : tuple of 2 floats
+        Principal second moments of the section.
+    length : float
+        Length of the flutes from the tip in m.
+    turns : float
+        Number of half pitches, by which the section turns by 180 degrees, in this length; 0 for straight flutes.
+    shank : tuple of 2 floats
+        Length in m of the cylinder between the flutes and the clamped end, and its second moment in the unit of
+        `moments`.
+
+    Examples
+    --------
+    >>> from receptance.model.flutes import spread_of_directions
+    >>> [round(spread_of_directions((1.0, 2.0), 0.03, turns, (0.0, 1.0)), 2) for turns in (0.0, 1.0, 4.0)]
+    [0.33, 0.17, 0.04]
+    """
+    points, weights = np.polynomial.legendre.leggauss(_QUADRATURE)
+    share = 0.5 * (1.0 + points)
+    turned = abs(np.sum(0.5 * weights * share**2 * np.exp(2j * math.pi * turns * share)))
+    compliances = [1.0 / moment for moment in moments]
+    rest, shank_moment = shank
+    mean = sum(compliances) / 6.0 + ((1.0 + rest / length) ** 3 - 1.0) / (3.0 * shank_moment)
+    return float(0.5 * abs(compliances[0] - compliances[1]) * turned / mean)
 
 
 def checked_flutes(owner: str, number: int, diameter: float, core_diameter: float) -> float:

@@ -302,8 +302,9 @@ class SectionShape:
         Sections with three and more flutes bend equally in all directions. With two flutes the helix turns the
         principal axes along the tool, so that over a pitch the bending compliance is the average: the shape has the
         harmonic mean of the principal second moments for stiffness, the arithmetic mean for rotary inertia and that of
-        the shear flexibilities. That is valid where the pitch, pi D / tan(helix angle) and half of it for the second
-        moments, is short against the wave length of bending and the fluted length; with `straight` the principal values
+        the shear flexibilities. That is the mean of all directions; in a single one the tip yields more or less, by an
+        amount that falls only slowly with the length of the flutes (see `receptance.model.flutes.spread_of_directions`
+        and the section "Flutes" of the documentation). With `straight` the principal values
         are kept.
 
         Parameters
