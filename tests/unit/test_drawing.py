@@ -175,7 +175,7 @@ def test_bores_may_be_closed_contours_in_the_layer_of_the_profile(tmp_path: Path
 
 
 def test_cutting_and_other_parts_are_joined(tmp_path: Path) -> None:
-    """The layers of ISO/TS 13399-70; the tip is where the cutting part is."""
+    """The common names of layers of tool drawings; the tip is where the cutting part is."""
     cut = [(100, 0), (100, 5), (140, 5), (140, 0), (100, 0)]
     shank = [(0, 0), (0, 6), (100, 6), (100, 0), (0, 0)]
     read = drawn(tmp_path, ("CUT", cut), ("NOCUT", shank))

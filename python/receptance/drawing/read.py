@@ -33,7 +33,9 @@ _AXIS_LAYERS = frozenset({"axis", "axes", "centerline", "centreline", "center", 
 _BORE_LAYERS = frozenset({"bore", "bores", "hole", "holes", "bohrung", "bohrungen"})
 """Names of layers whose contours are bores."""
 _CUTTING, _NOT_CUTTING = "cut", "nocut"
-"""Layers of the cutting and the non-cutting part in tool drawings after ISO/TS 13399-70 and DIN 4000."""
+"""Layers of the cutting and the non-cutting part, as commonly named in tool drawings.
+
+ISO/TS 13399-70 separates both in layers; it was not at hand, so that its names are not checked."""
 _AXIS = re.compile(r"\s*(?P<name>[xy])\s*=\s*(?P<at>.+?)\s*")
 _ROUND = ("CIRCLE", "ELLIPSE")
 _LONGEST, _THICKEST = 0.6, 0.4

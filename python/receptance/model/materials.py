@@ -3,6 +3,9 @@
 A `Grade` is a material that can be named, `material("carbide-10co")`. Scatters are standard deviations of a delivery
 about the listed values; where a source states a range, the standard deviation is that of a uniform distribution over
 it. A `MaterialClass` covers all grades of a kind, and is what a diagnosis tries for a tool of another material.
+
+A source with clause or table was checked by what others print of it. "As commonly used" are values for which no source
+was checked.
 """
 
 from __future__ import annotations
@@ -138,15 +141,15 @@ MATERIAL_CLASSES = (
 
 steel
     210 GPa and a ratio of 0.3 (EN 1993-1-1, 3.2.6), 7850 kg/m3 (EN 1991-1-1, table A.4); high-speed steels have
-    215 to 230 GPa and 8000 to 8300 kg/m3 (ISO 4957 grades HS6-5-2 and the like, makers' data sheets).
+    215 to 230 GPa and 8000 to 8300 kg/m3 (as commonly used for HS6-5-2 and the like).
 cemented carbide
-    WC with 4 to 15 % Co: 540 to 650 GPa and 13 900 to 15 000 kg/m3 (Brookes, World Directory and Handbook of
-    Hardmetals; makers' tables).
+    WC with 4 to 15 % Co: 540 to 650 GPa and 13 900 to 15 000 kg/m3 (as commonly used; for grades see Brookes, World
+    Directory and Handbook of Hardmetals).
 tungsten heavy alloy
-    W with Ni, Fe or Cu, classes 1 to 4 of ASTM B777: 330 to 390 GPa and 17 000 to 18 500 kg/m3 (makers' data sheets,
-    for example Plansee Densimet D170 to D185); for boring bars.
+    W with Ni, Fe or Cu, the four classes of ASTM B777: 330 to 390 GPa and 17 000 to 18 500 kg/m3 (as commonly used);
+    for boring bars.
 aluminium
-    70 GPa and 2700 kg/m3 (EN 1999-1-1, 3.2.5), alloys to 73 GPa and 2850 kg/m3; for dummies and test pieces.
+    70 GPa and 2700 kg/m3, alloys to 73 GPa and 2850 kg/m3 (as commonly used); for dummies and test pieces.
 titanium, brass
     Alloys of fixtures and weights; a diagnosis does not try them for tools.
 """
@@ -156,8 +159,8 @@ def carbide(cobalt: float) -> Grade:
     """Return cemented carbide, WC with cobalt, from the share of cobalt in mass.
 
     The density is that of the mixture without pores, of WC with 15 630 and cobalt with 8900 kg/m3. The modulus is in
-    the middle between the bounds of Hashin and Shtrikman (J. Mech. Phys. Solids 11, 1963, 127, equations 4.1 to 4.4),
-    of WC with 707 GPa and a ratio of 0.19 (Doi et al., Metall. Trans. 1, 1970, 1417) and cobalt with 211 GPa and 0.31.
+    the middle between the bounds of Hashin and Shtrikman (J. Mech. Phys. Solids 11, 1963, 127), of WC with 707 GPa
+    and a ratio of 0.19 (attributed to Doi et al. 1970, which was not at hand) and cobalt with 211 GPa and 0.31.
     The standard deviation of the modulus is that of a uniform distribution between the bounds, and 1.5 % for grain
     size and other carbides; that of the density is half a percent of cobalt in mass, and 0.5 %. Values are rounded to
     four or five digits.
@@ -198,7 +201,7 @@ def carbide(cobalt: float) -> Grade:
         density_scatter=math.hypot(0.005, of_cobalt / density),
         poisson_ratio=round(0.5 * (ratio_of_upper + ratio_of_lower), 3),
         poisson_scatter=0.01,
-        source="mean of the bounds of Hashin and Shtrikman 1963 with the moduli of Doi et al. 1970; rule of mixtures",
+        source="mean of the bounds of Hashin and Shtrikman 1963, moduli attributed to Doi et al. 1970; rule of mixtures",
     )
 
 
@@ -266,7 +269,9 @@ def _stated(material: Material, title: str, kind: str, scatters: tuple[float, fl
 
 _STEEL, _HEAVY = "steel", "tungsten heavy alloy"
 _GRADES = (
-    _stated(STEEL, "steel, unalloyed or low alloyed", _STEEL, (0.02, 0.005), "EN 1993-1-1, 3.2.6; EN 1991-1-1, A.4"),
+    _stated(
+        STEEL, "steel, unalloyed or low alloyed", _STEEL, (0.02, 0.005), "EN 1993-1-1, 3.2.6; EN 1991-1-1, table A.4"
+    ),
     _grade(
         "holder-steel",
         "case-hardening steel 16MnCr5, 42CrMo4: holders, collets, spindles",
@@ -274,7 +279,7 @@ _GRADES = (
         (210, 1.5),
         (7840, 0.4),
         (0.29, 0.01),
-        "EN 10083 and EN 10084 grades, makers' data sheets",
+        "as commonly used",
     ),
     _grade(
         "tool-steel",
@@ -283,7 +288,7 @@ _GRADES = (
         (211, 2),
         (7780, 0.5),
         (0.29, 0.01),
-        "ISO 4957 grade, makers' data sheets (205 to 215 GPa, 7740 to 7800 kg/m3)",
+        "as commonly used (205 to 215 GPa, 7740 to 7800 kg/m3)",
     ),
     _grade(
         "stainless-austenitic",
@@ -292,7 +297,7 @@ _GRADES = (
         (200, 2),
         (7900, 0.5),
         (0.29, 0.015),
-        "EN 10088-1, annex A",
+        "as commonly used",
     ),
     _grade(
         "stainless-martensitic",
@@ -301,7 +306,7 @@ _GRADES = (
         (215, 2),
         (7700, 0.5),
         (0.29, 0.01),
-        "EN 10088-1, annex A",
+        "as commonly used",
     ),
     _grade(
         "hss",
@@ -310,14 +315,14 @@ _GRADES = (
         (221, 2),
         (8120, 0.7),
         (0.29, 0.01),
-        "ISO 4957 grade, makers' data sheets (217 to 225 GPa, 8100 to 8160 kg/m3)",
+        "as commonly used (217 to 225 GPa, 8100 to 8160 kg/m3)",
     ),
     _stated(
         CARBIDE,
         "cemented carbide of a grade that is not stated",
         "cemented carbide",
         (0.045, 0.018),
-        "Brookes, World Directory and Handbook of Hardmetals (540 to 650 GPa, 13 900 to 15 000 kg/m3)",
+        "as commonly used (540 to 650 GPa, 13 900 to 15 000 kg/m3)",
     ),
     *map(carbide, (0.06, 0.08, 0.10, 0.12, 0.15)),
     _grade(
@@ -327,7 +332,7 @@ _GRADES = (
         (340, 3),
         (17050, 0.7),
         (0.28, 0.01),
-        "ASTM B777 (16.85 to 17.25 g/cm3); modulus of makers' tables",
+        "class of ASTM B777, values as commonly used (16.85 to 17.25 g/cm3)",
     ),
     _grade(
         "heavy-metal-2",
@@ -336,7 +341,7 @@ _GRADES = (
         (360, 3),
         (17500, 1.2),
         (0.28, 0.01),
-        "ASTM B777 (17.15 to 17.85 g/cm3); modulus of makers' tables",
+        "class of ASTM B777, values as commonly used (17.15 to 17.85 g/cm3)",
     ),
     _grade(
         "heavy-metal-3",
@@ -345,7 +350,7 @@ _GRADES = (
         (370, 3),
         (18050, 1),
         (0.28, 0.01),
-        "ASTM B777 (17.75 to 18.35 g/cm3); modulus of makers' tables",
+        "class of ASTM B777, values as commonly used (17.75 to 18.35 g/cm3)",
     ),
     _grade(
         "heavy-metal-4",
@@ -354,7 +359,7 @@ _GRADES = (
         (385, 3),
         (18550, 0.9),
         (0.28, 0.01),
-        "ASTM B777 (18.25 to 18.85 g/cm3); modulus of makers' tables",
+        "class of ASTM B777, values as commonly used (18.25 to 18.85 g/cm3)",
     ),
     _grade(
         "aluminium",
@@ -363,7 +368,7 @@ _GRADES = (
         (70, 1.5),
         (2700, 0.5),
         (0.33, 0.01),
-        "EN 1999-1-1, 3.2.5",
+        "as commonly used",
     ),
     _grade(
         "aluminium-7075",
@@ -372,7 +377,7 @@ _GRADES = (
         (71.7, 1.5),
         (2810, 0.5),
         (0.33, 0.01),
-        "ASM Handbook, volume 2",
+        "as commonly used",
     ),
     _grade(
         "titanium-6al4v",
@@ -381,7 +386,7 @@ _GRADES = (
         (113.8, 2.5),
         (4430, 0.4),
         (0.342, 0.015),
-        "ASM Handbook, volume 2",
+        "as commonly used",
     ),
     _grade(
         "brass",
@@ -390,7 +395,7 @@ _GRADES = (
         (97, 3),
         (8470, 0.5),
         (0.34, 0.015),
-        "EN 12164 grade, makers' data sheets (96 to 100 GPa)",
+        "as commonly used (96 to 100 GPa)",
     ),
 )
 

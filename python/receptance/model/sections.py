@@ -6,8 +6,8 @@ diameter, or a cone, scales the shape. Factors are relative to the solid circle 
 
 The plane "x" is that of a deflection in the direction x of the outline, with the second moment of area int x^2 dA; the
 plane "y" accordingly. The shear coefficient kappa is a polynomial of s = nu / (1 + nu), 1/kappa = p0 + p1 s + p2 s^2,
-exactly so for the coefficients of Cowper (J. Appl. Mech. 33, 1966, 335, Eq. 24) and Hutchinson (J. Appl. Mech. 68,
-2001, 87, Eq. 37).
+exactly so for the coefficients of Cowper (The shear coefficient in Timoshenko's beam theory, J. Appl. Mech. 33, 1966,
+335) and Hutchinson (Shear coefficients for Timoshenko beam theory, J. Appl. Mech. 68, 2001, 87).
 """
 
 from __future__ import annotations
@@ -130,8 +130,8 @@ class SectionShape:
     def rectangle(cls, width: float, height: float) -> SectionShape:
         """Return a solid rectangle.
 
-        The coefficient of Cowper is 1/kappa = 6/5 - s/10 for all rectangles, that of Hutchinson is his Eq. 47; the
-        torsion constant is the series of Saint-Venant (Timoshenko and Goodier, Theory of Elasticity, 1970, Eq. 160).
+        The coefficient of Cowper is 1/kappa = 6/5 - s/10 for all rectangles, that of Hutchinson is a series;
+        the torsion constant is the series of Saint-Venant (Timoshenko and Goodier, Theory of Elasticity, 1970).
 
         Parameters
         ----------
@@ -600,7 +600,7 @@ def _rectangle_torsion(width: float, height: float) -> float:
 def _rectangle_hutchinson(depth: float, width: float) -> Flexibility:
     """Return the polynomial of a rectangle that deflects in the direction of its depth.
 
-    With depth 2 a and width 2 b, Hutchinson's Eq. 47 divided by -2 (1 + nu) is
+    With depth 2 a and width 2 b, Hutchinson's coefficient (2001) is
     1/kappa = 6/5 - s/5 - 18 s^2 b^4 / a^5 sum_n (n pi a - b tanh(n pi a / b)) / (n pi)^5.
     """
     ratio = depth / width
