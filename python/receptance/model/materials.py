@@ -201,7 +201,7 @@ def carbide(cobalt: float) -> Grade:
         density_scatter=math.hypot(0.005, of_cobalt / density),
         poisson_ratio=round(0.5 * (ratio_of_upper + ratio_of_lower), 3),
         poisson_scatter=0.01,
-        source="mean of the bounds of Hashin and Shtrikman 1963, moduli attributed to Doi et al. 1970; rule of mixtures",
+        source="mean of Hashin-Shtrikman bounds (1963), moduli attributed to Doi et al. 1970; rule of mixtures",
     )
 
 
