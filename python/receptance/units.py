@@ -500,6 +500,20 @@ class Quantity:
         """Return a value in SI units as a file states it, with all digits; a plain number without a unit."""
         return f"{float(value)!r} {self.unit}" if self.unit else float(value)
 
+    def readable(self, value: float) -> str | float:
+        """Return a value in SI units as text in the unit of its example, with up to 10 digits, or a plain number.
+
+        Examples
+        --------
+        >>> from receptance import units
+        >>> units.LENGTH.readable(0.0127), units.MODULUS.readable(580e9), units.POISSON_RATIO.readable(0.22)
+        ('12.7 mm', '580 GPa', 0.22)
+        """
+        if not self.unit:
+            return float(f"{value:.10g}")
+        _, unit = split(self.example, "")
+        return f"{value / parse(f'1 {unit}', Quantity(self.name, self.unit, self.example)):.10g} {unit}"
+
 
 LENGTH = Quantity("a length", "m", "62.3 mm", above=0.0, written=(1e-6, 1e3))
 LENGTH_OR_ZERO = Quantity("a length or zero", "m", "20 mm", least=0.0)

@@ -177,6 +177,13 @@ def test_closed_output_pipe(tmp_path: Path) -> None:
     assert left() == {"campaign.toml", "p.json"}
 
 
+def test_the_package_runs_as_a_module() -> None:
+    command = [sys.executable, "-m", "receptance", "materials", "steel"]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert '[materials.steel]\nyoungs_modulus = "210 GPa"' in ended.stdout
+
+
 def test_no_command_shows_the_help(capsys: pytest.CaptureFixture[str]) -> None:
     call()
     output = capsys.readouterr()

@@ -69,6 +69,15 @@ def test_its_lines_are_those_of_a_campaign(tmp_path: Path, capsys: pytest.Captur
     assert holder.mass == pytest.approx(STEEL.density * contour.volume)
 
 
+def test_a_listed_material_needs_no_table(capsys: pytest.CaptureFixture[str]) -> None:
+    """A campaign then takes values and scatter from the list."""
+    for name in ("steel", "carbide", "tool-steel"):
+        assert call("contour", "holder.dxf", "--campaign-lines", "--material", name) == 0
+        lines = tomllib.loads(capsys.readouterr().out)
+        assert "materials" not in lines
+        assert lines["parts"]["holder"]["material"] == name
+
+
 def test_a_missing_unit_names_its_option(capsys: pytest.CaptureFixture[str]) -> None:
     drawn_holder.write(Path("none.dxf"), unit=0)
     assert call("contour", "none.dxf") == 2

@@ -346,13 +346,16 @@ def test_another_material(monkeypatch: pytest.MonkeyPatch) -> None:
     assert holder.get("holder.segment[0].density") == pytest.approx(2700.0)
 
 
-def test_listed_material(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("name", ["steel", "carbide", "carbide-10co"])
+def test_listed_material(name: str) -> None:
     """The file states values and scatter of the list, so that it is the same when the list changes."""
-    assert call("new", "made", "tool_60mm.csv", *options(tool_material="carbide-10co")) == 0
-    made, listed = campaign.load("made"), MATERIALS["carbide-10co"]
+    assert call("new", "made", "tool_60mm.csv", *options(tool_material=name)) == 0
+    made, listed = campaign.load("made"), MATERIALS[name]
     assert made.assemblies["tool_60mm"].get("tool.segment[0].density") == pytest.approx(listed.density)
-    (error,) = [one for one in made.tolerances["tool_60mm"] if one.name == "materials.carbide-10co.density"]
-    assert error.moves["tool.segment[0].density"] == pytest.approx(listed.deviations["density"], rel=1e-3)
+    errors = {error.name: error for error in made.tolerances["tool_60mm"]}
+    for field, deviation in listed.deviations.items():
+        moves = errors[f"materials.{name}.{field}"].moves
+        assert moves[f"tool.segment[0].{field}"] == pytest.approx(deviation, rel=1e-3), field
 
 
 def in_spindle(*places: str) -> list[str]:

@@ -240,10 +240,15 @@ def test_the_command_lists_materials(capsys: pytest.CaptureFixture[str], monkeyp
     assert 'did you mean "steel"?' in capsys.readouterr().err
 
 
-def test_the_command_prints_a_table_for_a_campaign(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_a_table_for_a_campaign(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
     assert call("materials", "carbide-10co") == 0
     out = capsys.readouterr().out
     table = out[out.index("[materials.carbide-10co]") :]
+    assert 'youngs_modulus = "578.2 GPa"\ndensity = "14531 kg/m^3"' in table
+    assert max(map(len, out.splitlines())) <= 80
     text = WITHOUT_TABLE.replace('"carbide"', '"carbide-10co"')
     stated = load_campaign(tmp_path, f"{table}\n{text.partition(chr(10))[2]}")
     listed = load_campaign(tmp_path, text)

@@ -8,10 +8,13 @@ from typing import Any
 from receptance.campaign.problems import path_text
 from receptance.campaign.values import Deviation
 from receptance.model.beams import Material
+from receptance.model.fields import Number
 from receptance.model.materials import LOSS_FACTOR, LOSS_SCATTER, grade, is_listed
 
 _OWNERS = ("parts", "joints")
 """Sections with references to materials."""
+MATERIAL_NUMBERS = {key: number.quantity for key, number in Material.declared.items() if isinstance(number, Number)}
+"""Quantities of a material."""
 _REFERENCES = ("material", "core")
 """Keys that name a material."""
 
@@ -60,7 +63,7 @@ def listed_table(name: str) -> dict[str, Any]:
     """
     listed = grade(name)
     made = listed.material(LOSS_FACTOR)
-    numbers = {key: Material.declared[key].write(getattr(made, key)) for key in Material.columns_of}
+    numbers = {key: quantity.readable(getattr(made, key)) for key, quantity in MATERIAL_NUMBERS.items()}
     tolerance: dict[str, Any] = {
         "youngs_modulus": f"{100.0 * listed.modulus_scatter:.4g} %",
         "density": f"{100.0 * listed.density_scatter:.4g} %",

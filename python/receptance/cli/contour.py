@@ -11,13 +11,13 @@ import typer
 from receptance import drawing, units
 from receptance._text import instead_of
 from receptance.cli.files import NoWindow, open_figure
-from receptance.cli.pieces import MATERIALS, parse_material
+from receptance.cli.pieces import parse_material
 from receptance.cli.running import InputError, Targets, input_errors, takes_targets
 from receptance.errors import MissingExtraError
 from receptance.io import FileFormatError
 from receptance.model.beams import Material
 from receptance.model.contour import TOLERANCE
-from receptance.model.materials import MATERIALS as LISTED
+from receptance.model.materials import MATERIALS
 from receptance.model.materials import material as listed_material
 
 _DRAWING = "Reading of drawings that do not state everything"
@@ -115,13 +115,11 @@ def contour(
 
 def _material(text: str) -> Material:
     """Return a material by its name, or from its numbers."""
-    if text in MATERIALS:
-        return MATERIALS[text]
     if "=" not in text:
         try:
             return listed_material(text)
         except ValueError:
-            raise InputError(f"--material is {text!r}{instead_of(text, LISTED)}") from None
+            raise InputError(f"--material is {text!r}{instead_of(text, MATERIALS)}") from None
     try:
         return parse_material(text)
     except ValueError as error:

@@ -17,15 +17,14 @@ import tomli_w
 from receptance import units
 from receptance._reading import ReadingOptions, campaign_keys
 from receptance._text import instead_of, one_of, shown
-from receptance.campaign.listed_materials import listed_materials, listed_table
+from receptance.campaign.listed_materials import MATERIAL_NUMBERS, listed_materials, listed_table
 from receptance.catalogue.rows import HolderRow
-from receptance.cli.pieces import MATERIAL_NUMBERS, MATERIALS, SIZES, DrawnHolder, mm, readable
+from receptance.cli.pieces import SIZES, DrawnHolder, mm
 from receptance.cli.running import InputError
 from receptance.frf import FRF
 from receptance.io import TimeSeries
 from receptance.io.files import FORMATS, file_format
 from receptance.model.beams import Material
-from receptance.model.materials import is_listed
 
 _TOLERANCES = {
     "flutes": {"length": "0.1 mm", "outer_diameter": "3 %", "inner_diameter": "0.3 %"},  # an effective diameter
@@ -33,6 +32,8 @@ _TOLERANCES = {
     "holder": {"length": "0.1 mm", "outer_diameter": "0.1 %", "inner_diameter": "0.3 %"},
 }
 """Standard deviations of dimensions that a new campaign assumes."""
+_OF_OTHER_MATERIALS = {"youngs_modulus": "1 %", "density": "0.5 %", "loss_factor": "50 %"}
+"""Likewise of a material with stated values; those of a listed one are its scatter."""
 _LEAST_COHERENCE = 0.9
 """Median coherence of neighbouring lines below which the ends of the band are left out."""
 _NEIGHBOURS = 9
@@ -372,7 +373,7 @@ def campaign_text(
     shank = replace(shank, length=measurements[0].overhang - front)
     chain = ["tool", "joint", "holder", *([] if spindle_modes is None else ["spindle"])]
     address = f"tool.segment[{len(flutes)}].length"
-    mass = {"mass": readable(sensor, units.MASS), "tolerance": {"mass": "2 %"}}
+    mass = {"mass": units.MASS.readable(sensor), "tolerance": {"mass": "2 %"}}
     return _TEXT.format(
         title=_value(title),
         materials="\n".join(_material(name, materials[name]) for name in names),
@@ -404,9 +405,9 @@ def campaign_text(
 
 
 def _material(name: str, material: Material) -> str:
-    numbers = {key: readable(getattr(material, key), quantity) for key, quantity in MATERIAL_NUMBERS.items()}
-    tolerance = {"youngs_modulus": "1 %", "density": "0.5 %", "loss_factor": "50 %"}
-    if name not in MATERIALS and is_listed(name) and listed_materials([name], {})[name] == material:
+    numbers = {key: quantity.readable(getattr(material, key)) for key, quantity in MATERIAL_NUMBERS.items()}
+    tolerance = _OF_OTHER_MATERIALS
+    if listed_materials([name], {}).get(name) == material:
         tolerance = listed_table(name)["tolerance"]
     return _table(f"materials.{_key(name)}", {**numbers, "tolerance": tolerance})
 

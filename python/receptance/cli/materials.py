@@ -68,9 +68,13 @@ def _table(chosen: list[Grade]) -> Table:
 def _as_toml(listed: Grade) -> str:
     """Return the table of a listed material for a campaign file."""
     table = listed_table(listed.name)
-    inside = ", ".join(f"{key} = {_written(value)}" for key, value in table.pop("tolerance").items())
-    lines = [f"{key} = {_written(value)}" for key, value in table.items()]
-    return "\n".join([f"[materials.{listed.name}]", *lines, f"tolerance = {{ {inside} }}", ""])
+    tolerance = table.pop("tolerance")
+    tables = {f"materials.{listed.name}": table, f"materials.{listed.name}.tolerance": tolerance}
+    return "\n".join(
+        line
+        for head, values in tables.items()
+        for line in (f"[{head}]", *(f"{key} = {_written(value)}" for key, value in values.items()), "")
+    )
 
 
 def _written(value: str | float) -> str:

@@ -11,19 +11,17 @@ from typing import Any
 from receptance import drawing, units
 from receptance._text import instead_of, shown
 from receptance.campaign.keys import ListOf, NamedTables, Place, element_keys
+from receptance.campaign.listed_materials import MATERIAL_NUMBERS, listed_materials
 from receptance.campaign.problems import CampaignError, Problems
 from receptance.campaign.read import read_contents
 from receptance.campaign.schema import PartTable
 from receptance.catalogue.rows import HolderRow, read_holders
 from receptance.model.beams import CARBIDE, STEEL, Material, Part, Segment
-from receptance.model.fields import Number
 from receptance.model.insertion import insert
-from receptance.units import Quantity, parse
+from receptance.units import parse
 
-MATERIALS = {material.name: replace(material, loss_factor=0.001) for material in (STEEL, CARBIDE)}
-"""Materials by name, with a small loss factor."""
-MATERIAL_NUMBERS = {key: field.quantity for key, field in Material.declared.items() if isinstance(field, Number)}
-"""Quantities of a material."""
+MATERIALS = listed_materials([material.name for material in (STEEL, CARBIDE)], {})
+"""The two usual materials by name, those of the list."""
 SIZES = {
     "length": units.LENGTH,
     "outer_diameter": units.LENGTH,
@@ -302,23 +300,6 @@ def parse_material(text: str) -> Material:
         raise ValueError(f"is {shown(text)}: {error}; {expected}") from None
 
 
-def readable(value: float, kind: Quantity) -> str | float:
-    """Return the text of a quantity in the unit of its example, with up to 10 digits.
-
-    Examples
-    --------
-    >>> from receptance import units
-    >>> from receptance.cli.pieces import readable
-    >>> readable(0.0127, units.LENGTH), readable(580e9, units.MODULUS)
-    ('12.7 mm', '580 GPa')
-    """
-    if not kind.unit:
-        return float(f"{value:.10g}")
-    _, unit = units.split(kind.example, "")
-    factor = parse(f"1 {unit}", replace(kind, least=-float("inf"), above=-float("inf"), most=float("inf")))
-    return f"{value / factor:.10g} {unit}"
-
-
 def mm(length: float) -> str:
     """Return a length in mm as text."""
-    return str(readable(length, units.LENGTH))
+    return str(units.LENGTH.readable(length))

@@ -8,6 +8,7 @@ from typing import Any
 
 import tomli_w
 
+from receptance import units
 from receptance.drawing.read import DrawnContour
 from receptance.model.beams import Material
 from receptance.model.contour import Contour
@@ -123,8 +124,8 @@ class ContourReport(Result):
         """Return the tables of material and part as the text of a campaign; listed materials need no table."""
         made = self.material
         material: dict[str, Any] = {
-            "youngs_modulus": f"{made.youngs_modulus / 1e9:.10g} GPa",
-            "density": f"{made.density:.10g} kg/m^3",
+            "youngs_modulus": units.MODULUS.readable(made.youngs_modulus),
+            "density": units.DENSITY.readable(made.density),
             "poisson_ratio": made.poisson_ratio,
         }
         if made.loss_factor:
