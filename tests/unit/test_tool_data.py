@@ -53,6 +53,47 @@ def test_symbols_are_heads_of_columns(tmp_path: Path) -> None:
     assert note.endswith('"DC", "DCONMS", "OAL", "LSC", "LCF" without a unit in mm, as ISO 13399 defines')
 
 
+def test_symbols_may_be_in_lower_case(tmp_path: Path) -> None:
+    heads, _, cells = ISO.partition("\n")
+    (plain,), _ = rows(tmp_path, ISO)
+    (lower,), notes = rows(tmp_path, f"{heads.lower().replace('[n m]', '[N m]')}\n{cells}")
+    assert lower == plain
+    assert notes[1] == "list.csv: symbols of ISO 13399 in lower case: " + ", ".join(
+        f'"{name.lower()}" as {name}' for name in ("DC", "DCONMS", "OAL", "LSC", "LCF", "NOF")
+    )
+
+
+def test_a_lower_case_head_may_be_a_condition(tmp_path: Path) -> None:
+    """A unit of another quantity makes it one; the same symbol in both cases is refused."""
+    text = ISO.replace("torque [N m]", "lf [N]")
+    (tool,), _ = rows(tmp_path, text)
+    assert tool.conditions == {"lf": 80.0}  # type: ignore[attr-defined]
+    assert tool.functional_length == 0.0  # type: ignore[attr-defined]
+    (tool,), _ = rows(tmp_path, ISO.replace("torque [N m]", "lf [mm]"))
+    assert tool.functional_length == pytest.approx(0.08)  # type: ignore[attr-defined]
+    assert 'column "dc [mm]" is also column "DC"' in mistakes(tmp_path, ISO.replace("torque [N m]", "dc [mm]"))
+
+
+def test_all_contradictions_of_a_row_come_together(tmp_path: Path) -> None:
+    text = mistakes(tmp_path, NECK.replace("12,60,100,20,40,9.5", "12,101,100,102,103,9.5"))
+    for words in (
+        "LPR: is 101 mm, expected at most the overall length, 100 mm",
+        "APMX: is 102 mm, expected at most the overall length, 100 mm",
+        "LU: is 103 mm, expected at most the overall length, 100 mm",
+        "DN: ends 103 mm from the tip",
+    ):
+        assert f"line 2, {words}" in text
+
+
+def test_a_mistake_has_no_consequences(tmp_path: Path) -> None:
+    """Where a cell cannot be read, what depends on it is not told as a second mistake."""
+    assert "has a mistake:" in mistakes(tmp_path, ISO.replace("12,12,100", "x,12,100"))  # effective diameter in %
+    assert "has a mistake:" in mistakes(tmp_path, ISO.replace(",100,40,", ",x,40,"))  # overhang
+    assert "has a mistake:" in mistakes(tmp_path, ISO.replace(",30,80,", ",30,x,"))
+    assert "has a mistake:" in mistakes(tmp_path, NECK.replace(",20,40,", ",20,x,"))  # end of the neck
+    assert "line 3" not in mistakes(tmp_path, FLUTES.replace(",60,4,35,", ",60,x,35,"))
+
+
 def test_stated_units_are_used(tmp_path: Path) -> None:
     heads = ("DC", "DCONMS", "OAL", "LSC", "LCF")
     text = ISO

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -138,9 +138,12 @@ class Issue:
     """Value that was found, and values that are expected."""
     line: int | None = None
     """Line of the file, counted from 1, if it is known."""
+    file: str = ""
+    """The file, in an error about several of them."""
 
     def __str__(self) -> str:
-        where = [f"line {self.line}"] if self.line else []
+        where = [self.file] if self.file else []
+        where += [f"line {self.line}"] if self.line else []
         where += [path_text(self.path)] if self.path else []
         # The text is a predicate of the path, if there is one, else a sentence.
         return f"{', '.join(where)}: {self.text}" if where else self.text
@@ -164,18 +167,25 @@ class CampaignError(ValueError):
 
     def __init__(self, file: Path | str, problems: Iterable[Issue]) -> None:
         self.file = str(file)
-        self.problems = tuple(sorted(problems, key=lambda problem: problem.line or 0))
+        self.problems = tuple(sorted(problems, key=lambda problem: (problem.file, problem.line or 0)))
         count = len(self.problems)
         if count == 1 and not self.problems[0].path and self.problems[0].line is None:
             super().__init__(f"{self.file}: {self.problems[0].text}")
             return
-        head = f"{self.file} has {'a mistake' if count == 1 else f'{count} mistakes'}:"
+        verb = "have" if any(problem.file for problem in self.problems) else "has"
+        head = f"{self.file} {verb} {'a mistake' if count == 1 else f'{count} mistakes'}:"
         super().__init__("\n".join([head, *(f"  {problem}" for problem in self.problems)]))
 
     @classmethod
     def about(cls, file: Path | str, text: str) -> CampaignError:
         """Return an error about a file as a whole."""
         return cls(file, [Issue((), text)])
+
+    @classmethod
+    def of_files(cls, errors: Sequence[CampaignError]) -> CampaignError:
+        """Return one error with the mistakes of several files."""
+        problems = [replace(problem, file=error.file) for error in errors for problem in error.problems]
+        return errors[0] if len(errors) == 1 else cls(" and ".join(error.file for error in errors), problems)
 
     def __reduce__(self) -> tuple[type[CampaignError], tuple[str, tuple[Issue, ...]]]:
         return type(self), (self.file, self.problems)

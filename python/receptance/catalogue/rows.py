@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 from receptance import units
-from receptance.campaign.csv_rows import DerivedFrom, ShareOf, read_rows
+from receptance.campaign.csv_rows import DerivedFrom, RowMistake, ShareOf, read_rows
 from receptance.campaign.shapes import note_on_directions
 from receptance.catalogue.iso13399 import HOLDER_SYMBOLS, TOOL_SYMBOLS
 from receptance.model.sections import SectionShape
@@ -105,8 +105,13 @@ class HolderRow:
     """Bore at the far end of a cone; None for a cylindrical bore."""
 
 
-def read_tools(path: str | Path, *, notes: list[str] | None = None) -> list[ToolRow]:
-    """Read tools from a CSV file.
+def read_tools(
+    path: str | Path,
+    *,
+    notes: list[str] | None = None,
+    check: Callable[[ToolRow], Iterable[RowMistake]] = lambda tool: (),
+) -> list[ToolRow]:
+    r"""Read tools from a CSV file.
 
     The first line names the columns, lengths with a unit: `name`, `holder`, `material`, `overhang [mm]`, `diameter
     [mm]`, and optionally `joint`, `bore [mm]`, `flute length [mm]`, `effective diameter [mm]` or `[%]` of the cutting
@@ -120,49 +125,74 @@ def read_tools(path: str | Path, *, notes: list[str] | None = None) -> list[Tool
     path : str or path
         The file.
     notes : list of str, optional
-        A list to which remarks for the user are added: units by the standard, and columns that were not needed.
+        A list to which remarks for the user are added: units by the standard, symbols in lower case, and columns that
+        were not needed.
+    check : callable, optional
+        Returns further mistakes of a row, such as names that a machine does not have; they are listed with the others.
 
     Raises
     ------
     CampaignError
-        The file has mistakes; all of them are listed with their lines. It is a ValueError.
+        The file has mistakes; all of them are listed with line, column and value. It is a ValueError.
     OSError
         The file does not exist or cannot be opened.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from receptance.catalogue import read_tools
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "tools.csv"
+    ...     _ = file.write_text("name,holder,material,DCON,LPR\nT1,er32,carbide,12,60\n")
+    ...     (tool,) = read_tools(file)
+    >>> tool.name, tool.diameter, tool.overhang
+    ('T1', 0.012, 0.06)
     """
     lines: dict[str, int] = {}
 
-    def mistakes(tool: ToolRow) -> Iterator[tuple[str, str]]:
+    def mistakes(tool: ToolRow) -> Iterator[RowMistake]:
         if tool.name in lines:
-            yield "name", f'is "{tool.name}", as in line {lines[tool.name]}, expected another name'
+            yield RowMistake(("name",), f'is "{tool.name}", as in line {lines[tool.name]}, expected another name')
         lines.setdefault(tool.name, tool.line)
-        if tool.flute_length and not (tool.effective_diameter or tool.core_diameter):
-            text = "is empty, but the tool has flutes; expected the diameter of the round bar with their bending "
-            yield "effective diameter", f"{text}stiffness, or `core diameter` and the number of teeth"
-        elif tool.core_diameter:
-            yield from _of_flutes(tool)
-        else:
-            yield from _contradictions(tool)
+        yield from mistakes_of_tool(tool)
+        yield from check(tool)
 
     return read_rows(path, ToolRow, check=mistakes, symbols=TOOL_SYMBOLS, notes=notes)
 
 
-def _of_flutes(tool: ToolRow) -> Iterator[tuple[str, str]]:
+def mistakes_of_tool(tool: ToolRow) -> Iterator[RowMistake]:
+    """Yield what the dimensions of a tool lack, and what they exclude."""
+    if tool.flute_length and not (tool.effective_diameter or tool.core_diameter):
+        text = "is empty, but the tool has flutes; expected the diameter of the round bar with their bending "
+        text += "stiffness, or `core diameter` and the number of teeth"
+        yield RowMistake(("effective diameter", "core diameter", "flute length"), text)
+    if tool.core_diameter:
+        yield from _of_flutes(tool)
+    yield from _too_large(tool)
+    yield from _of_bore(tool)
+    yield from _of_neck(tool)
+
+
+def _of_flutes(tool: ToolRow) -> Iterator[RowMistake]:
     """Yield what the section of flutes lacks, or excludes."""
     if tool.effective_diameter:
-        yield "core diameter", "is given beside an effective diameter, expected one of the two"
-    elif not tool.flute_length:
-        yield "core diameter", "is given without a flute length, expected it as well"
-    elif tool.teeth is None:
-        yield "teeth", "is empty, expected the number of flutes, because the row has a core diameter"
-    elif tool.bore:
-        yield "bore", "is given beside a core diameter, but the section of flutes is solid, expected one of the two"
-    else:
-        try:
-            flutes_of(tool)
-        except ValueError as error:
-            yield "core diameter", f"makes no section of flutes: {str(error).partition(': ')[2]}"
-        else:
-            yield from _contradictions(tool)
+        text = "is given beside an effective diameter, expected one of the two"
+        yield RowMistake(("core diameter", "effective diameter"), text)
+    if not tool.flute_length:
+        text = "is given without a flute length, expected it as well"
+        yield RowMistake(("core diameter", "flute length"), text)
+    if tool.bore:
+        text = "is given beside a core diameter, but the section of flutes is solid, expected one of the two"
+        yield RowMistake(("bore", "core diameter"), text)
+    if tool.teeth is None:
+        text = "is empty, expected the number of flutes, because the row has a core diameter"
+        yield RowMistake(("teeth", "core diameter"), text)
+        return
+    try:
+        flutes_of(tool)
+    except ValueError as error:
+        columns = ("core diameter", "cutting diameter", "diameter", "teeth")
+        yield RowMistake(columns, f"makes no section of flutes: {str(error).partition(': ')[2]}")
 
 
 def flutes_of(tool: ToolRow) -> SectionShape:
@@ -196,41 +226,90 @@ def note_on_flutes(tool: ToolRow) -> str:
     return text
 
 
-def _contradictions(tool: ToolRow) -> Iterator[tuple[str, str]]:
-    """Yield lengths and diameters of a row that exclude each other."""
+def _too_large(tool: ToolRow) -> Iterator[RowMistake]:
+    """Yield lengths and diameters that are larger than those of which they are a part."""
+    limits: dict[str, tuple[float, str]] = {}
     for small, large in _AT_MOST:
         size, limit = getattr(tool, small), getattr(tool, large)
         if size and limit and size > limit + (0.0 if small == "flute_length" else _PLAY):
-            name = large.replace("_", " ")
-            yield small.replace("_", " "), f"is {1e3 * size:g} mm, expected at most the {name}, {1e3 * limit:g} mm"
-            return
+            limits[small] = min(limits.get(small, (limit, large)), (limit, large))
+    for small, (limit, large) in limits.items():
+        columns = (small.replace("_", " "), large.replace("_", " "))
+        text = f"is {_mm(getattr(tool, small))}, expected at most the {columns[1]}, {_mm(limit)}"
+        yield RowMistake(columns, text)
     whole = tool.overhang + tool.clamping_length
     if tool.overall_length and tool.clamping_length and whole > tool.overall_length + _PLAY:
-        text = f"is {1e3 * tool.clamping_length:g} mm, which makes {1e3 * whole:g} mm with the overhang of "
-        yield (
-            "clamping length",
-            f"{text}{1e3 * tool.overhang:g} mm, expected at most the overall length, {1e3 * tool.overall_length:g} mm",
-        )
+        text = f"is {_mm(tool.clamping_length)}, which makes {_mm(whole)} with the overhang of {_mm(tool.overhang)}, "
+        text += f"expected at most the overall length, {_mm(tool.overall_length)}"
+        yield RowMistake(("clamping length", "overall length", "overhang"), text)
+
+
+def _of_bore(tool: ToolRow) -> Iterator[RowMistake]:
+    """Yield a bore that is not smaller than the least diameter around it."""
+    names = ("diameter", "effective diameter", "neck diameter")
+    diameters = {name: getattr(tool, name.replace(" ", "_")) for name in names}
+    stated = {name: diameter for name, diameter in diameters.items() if diameter}
+    name = min(stated, key=stated.__getitem__, default="diameter")
+    if stated and tool.bore >= stated[name]:
+        yield RowMistake(("bore", name), f"is {_mm(tool.bore)}, expected less than the {name}, {_mm(stated[name])}")
+
+
+def _of_neck(tool: ToolRow) -> Iterator[RowMistake]:
+    """Yield what a neck lacks, or an end of the neck where none can be."""
+    columns = ("neck diameter", "usable length", "head length", "flute length", "overhang")
     if not tool.neck_diameter:
         return
     if not tool.neck_end:
-        yield "neck diameter", "is given without usable length (LU) or head length (LH), expected where the neck ends"
+        text = "is given without usable length (LU) or head length (LH), expected where the neck ends"
+        yield RowMistake(columns[:3], text)
     elif not tool.flute_length < tool.neck_end <= tool.overhang:
-        text = f"ends {1e3 * tool.neck_end:g} mm from the tip, expected more than the flute length, "
-        yield (
-            "neck diameter",
-            f"{text}{1e3 * tool.flute_length:g} mm, and at most the overhang, {1e3 * tool.overhang:g} mm",
-        )
+        text = f"ends {_mm(tool.neck_end)} from the tip, expected more than the flute length, {_mm(tool.flute_length)},"
+        yield RowMistake(columns, f"{text} and at most the overhang, {_mm(tool.overhang)}")
 
 
-def read_holders(path: str | Path, *, notes: list[str] | None = None) -> dict[str, list[HolderRow]]:
+def _mm(length: float) -> str:
+    return f"{1e3 * length:g} mm"
+
+
+def read_holders(
+    path: str | Path,
+    *,
+    notes: list[str] | None = None,
+    check: Callable[[HolderRow], Iterable[RowMistake]] = lambda row: (),
+) -> dict[str, list[HolderRow]]:
     """Read holders from a CSV file with one segment in each row, in order from the tip-side end.
 
     Columns: `holder`, `length [mm]`, `outer diameter [mm]`, `material`, and optionally `inner diameter [mm]`, `core`,
     the material that fills the bore, and for cones `end outer diameter [mm]` and `end inner diameter [mm]`. See
     `read_tools` for parameters and errors.
     """
+
+    def mistakes(row: HolderRow) -> Iterator[RowMistake]:
+        yield from mistakes_of_holder(row)
+        yield from check(row)
+
     holders: dict[str, list[HolderRow]] = {}
-    for row in read_rows(path, HolderRow, symbols=HOLDER_SYMBOLS, notes=notes):
+    for row in read_rows(path, HolderRow, check=mistakes, symbols=HOLDER_SYMBOLS, notes=notes):
         holders.setdefault(row.holder, []).append(row)
     return holders
+
+
+def mistakes_of_holder(row: HolderRow) -> Iterator[RowMistake]:
+    """Yield bores of a segment that are not smaller than its outer diameter, and a core without a bore."""
+    ends = [("inner diameter", row.inner_diameter, "outer diameter", row.outer_diameter)]
+    if row.end_outer_diameter is not None or row.end_inner_diameter is not None:
+        is_cone, is_conical_bore = row.end_outer_diameter is not None, row.end_inner_diameter is not None
+        ends.append(
+            (
+                "end inner diameter" if is_conical_bore else "inner diameter",
+                row.inner_diameter if row.end_inner_diameter is None else row.end_inner_diameter,
+                "end outer diameter" if is_cone else "outer diameter",
+                row.outer_diameter if row.end_outer_diameter is None else row.end_outer_diameter,
+            )
+        )
+    for name, bore, around, outer in ends:
+        if row.core and bore == 0.0:
+            text = f'is "{row.core}", but the {name} is 0, expected the diameter of the bore that it fills'
+            yield RowMistake(("core", name), text)
+        elif bore >= outer:
+            yield RowMistake((name, around), f"is {_mm(bore)}, expected less than the {around}, {_mm(outer)}")

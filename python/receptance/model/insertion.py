@@ -232,6 +232,18 @@ def insert(tool: Part, holder: Part, length: float, *, bore_solid: bool = False)
     return Insertion(Part(front, name=names[0]), made, length, tuple(pieces), edges)
 
 
+def fits_bore(shank: float, bore: float) -> bool:
+    """Return whether a shank fits a bore by their diameters in m, within 1 % of that of the shank.
+
+    Examples
+    --------
+    >>> from receptance.model.insertion import fits_bore
+    >>> fits_bore(0.012, 0.01205), fits_bore(0.012, 0.0127)
+    (True, False)
+    """
+    return abs(bore - shank) <= FIT * shank
+
+
 def with_insertion(assembly: Assembly, length: float) -> tuple[Assembly, Insertion]:
     """Return an assembly with the shank of its tool in the bore of its holder, both as drawn, and the insertion.
 
@@ -386,7 +398,7 @@ def _check_bore(tool: Part, holder: Part, names: tuple[str, str], length: float,
             outer, bore = segment.at((x - begin) / segment.length)
             shank_number, near, _ = _piece_of(tool, cut + min(x, length), cut + min(x, length))
             shank = tool.segments[shank_number].at(near)[0]
-            fits = abs(bore - shank) <= FIT * shank and outer > shank
+            fits = fits_bore(shank, bore) and outer > shank
             if not fits and not (bore_solid and bore == 0.0 and outer > shank):
                 _raise_misfit(names, place, length, depth, (shank, bore, outer))
         depth = end
