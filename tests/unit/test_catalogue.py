@@ -21,6 +21,7 @@ from receptance.campaign.measurements import read_frequencies
 from receptance.campaign.prediction import predict_assembly
 from receptance.catalogue import Catalogue, predict_catalogue, read_holders, read_tools
 from receptance.catalogue.building import ToolAssembly
+from receptance.catalogue.results import CatalogueSummary, ToolSummary
 from receptance.coupling import read_spindle, write_spindle
 from receptance.fit.line_modes import line_modes
 from receptance.io import read_frf
@@ -272,6 +273,24 @@ def _as_table(own: Assembly, lines: Any, covariance: Any = None) -> MeasuredPart
     places = [Coordinate("spindle", 0.0, "y"), Coordinate("spindle", 0.0, "theta")]
     matrix = spindle.receptance(lines, response=places, excitation=places)
     return MeasuredPart(frequency_hz=lines, matrix=matrix, covariance=covariance, name="nose")
+
+
+@pytest.mark.parametrize("name", ["T1", "HPMT-12345-R05", "CoroMill Plura 2P342-1200-PA 1730"])
+def test_the_table_is_in_one_piece_at_80_columns(name: str) -> None:
+    mode, interval = (
+        np.array([12345.0, 0.0123, 5.4e6]),
+        np.array([[12000.0, 12999.0], [0.0111, 0.0133], [5.1e6, 5.7e6]]),
+    )
+    tools = (
+        ToolSummary(name, "HSK63A-ER32-100", 3, mode, interval, ()),
+        ToolSummary(f"{name}-2", "er32", 0, None, None, ()),
+    )
+    lines = CatalogueSummary(tools=tools, level=0.95).summary(80).splitlines()
+    assert max(map(len, lines)) <= 80
+    assert sum(line.startswith(" tool ") for line in lines) == 1
+    text = " ".join(lines)
+    for number in ("12345", "12000 to 12999", "1.23", "1.11 to 1.33", "5.4", "5.1 to 5.7", "none"):
+        assert number in text
 
 
 def test_a_measured_spindle(machine: Any, identified: Any, tmp_path: Path) -> None:

@@ -217,6 +217,40 @@ class Table:
         columns = [Column(column) if isinstance(column, str) else column for column in self.columns]
         return [[column.text(cell) for column, cell in zip(columns, row, strict=True)] for row in self.rows]
 
+    def stacked(self) -> Table:
+        r"""Return the table with intervals below the values to the left of them, which takes less width.
+
+        Examples
+        --------
+        >>> from receptance.report import Column, Table
+        >>> columns = ("tool", Column("frequency", "Hz", ".0f"), Column("interval", form=".0f"))
+        >>> Table("Modes", columns, [("T1", 694.0, (690.0, 697.0))]).stacked().texts()
+        [['T1', '694\n690 to 697']]
+        """
+        below = {
+            i
+            for i in range(1, len(self.columns))
+            if any(isinstance(row[i], tuple) for row in self.rows)
+            and not isinstance(self.columns[i - 1], str)
+            and not any(isinstance(row[i - 1], tuple) for row in self.rows)
+        }
+        columns: list[Column | str] = []
+        for i, heading in enumerate(self.headings):
+            if i not in below:
+                columns.append(self.columns[i])
+            elif isinstance(value := columns[-1], Column):
+                columns[-1] = Column(f"{value.heading}\n{heading}")
+        rows = []
+        for row, texts in zip(self.rows, self.texts(), strict=True):
+            cells: list[Cell] = []
+            for i, text in enumerate(texts):
+                if i in below:
+                    cells[-1] = f"{texts[i - 1]}\n{text}".rstrip("\n")
+                else:
+                    cells.append(row[i])
+            rows.append(cells)
+        return Table(self.title, columns, rows, self.note)
+
     def without_empty(self) -> Table:
         """Return the table without columns that are empty in all rows."""
         kept = [i for i in range(len(self.columns)) if any(row[i] not in (None, "") for row in self.rows)]

@@ -129,8 +129,11 @@ def print_table(console: Console, table: Table) -> None:
         console.print(Padding(Text(table.note), (0, 0, 1, 2), expand=False))
 
 
-def _parts(table: Table, width: int) -> Iterator[rich.table.Table]:
-    """Yield the table, or parts of it that fit the width, each with the columns that identify the rows."""
+def _parts(table: Table, width: int, *, is_stacked: bool = False) -> Iterator[rich.table.Table]:
+    """Yield the table, or parts of it that fit the width, each with the columns that identify the rows.
+
+    A table that is too wide has its intervals below their values, if it fits then.
+    """
     # Before the layout: an escaped character takes more room.
     heads, rows = table.headings, [[printable(text) for text in row] for row in table.texts()]
     texts = [isinstance(column, str) for column in table.columns]
@@ -157,9 +160,15 @@ def _parts(table: Table, width: int) -> Iterator[rich.table.Table]:
             grid.add_row(*(Text(row[i]) for i in columns))
         return grid
 
-    if fits(every, least):
+    if fits(every, least) or (is_stacked and fits(every, broken)):
         yield part(every)
         return
+    stacked = table.stacked()
+    if len(stacked.columns) < len(every):
+        narrow = list(_parts(stacked, width, is_stacked=True))
+        if len(narrow) == 1:
+            yield from narrow
+            return
     named_by = list(every[: _naming(rows)])
     while len(named_by) > 1 and not all(fits([*named_by, i], broken) for i in every[len(named_by) :]):
         named_by.pop()
