@@ -81,7 +81,9 @@ def test_a_listed_material_needs_no_table(capsys: pytest.CaptureFixture[str]) ->
 def test_a_missing_unit_names_its_option(capsys: pytest.CaptureFixture[str]) -> None:
     drawn_holder.write(Path("none.dxf"), unit=0)
     assert call("contour", "none.dxf") == 2
-    assert "(--unit)" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "give it as --unit" in error
+    assert "`" not in error
     assert call("contour", "none.dxf", "--unit", "mm", "--no-window") == 0
     assert "the unit is mm, as stated" in capsys.readouterr().out
 
@@ -92,9 +94,9 @@ REFUSED = {
     ("contour", "holder.dxf", "--material", "stel"): "--material is 'stel', expected one of",
     ("contour", "holder.dxf", "--within", "1"): '--within is "1", without a unit',
     ("contour", "holder.dxf", "--name", "1"): "--name is '1'",
-    ("contour", "holder.dxf", "--tip", "up"): "tip is 'up', expected one of left",
+    ("contour", "holder.dxf", "--tip", "up"): "--tip is 'up', expected one of \"left\"",
     ("contour", "holder.dxf", "--plot", "holder.dxf"): "expected an ending with a format of figures",
-    ("contour", "holder.dxf", "--axis", "q"): "(--axis)",
+    ("contour", "holder.dxf", "--axis", "q"): '--axis is "q", expected "x" or "y"',
 }
 
 
@@ -105,6 +107,25 @@ def test_mistakes_are_refused(command: tuple[str, ...], capsys: pytest.CaptureFi
     assert REFUSED[command] in error
     assert "Traceback" not in error
     assert left() == {"holder.dxf"}
+
+
+def test_messages_and_notes_name_options(capsys: pytest.CaptureFixture[str]) -> None:
+    """A drawing with two layers and no more, read with and without an answer."""
+    document = ezdxf.new("R2010")
+    document.header["$INSUNITS"] = 4
+    for layer, radius in (("PART", 10), ("HOLS", 4)):
+        corners = [(0, 0), (0, radius), (50, radius), (50, 0)]
+        document.modelspace().add_lwpolyline(corners, close=True, dxfattribs={"layer": layer})
+    document.saveas("two.dxf")
+    assert call("contour", "two.dxf") == 2
+    assert "give its name as --layer" in capsys.readouterr().err
+    assert call("contour", "two.dxf", "--layer", "PARTS") == 2
+    assert "(--layer)" in capsys.readouterr().err
+    assert call("contour", "two.dxf", "--layer", "PART", "--no-window") == 0
+    text = capsys.readouterr().out
+    assert "no --axis states another one" in " ".join(text.split())
+    assert "--tip states another end" in " ".join(text.split())
+    assert "`" not in text
 
 
 def test_names_of_layers_do_not_control_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:

@@ -105,6 +105,29 @@ def out_of_the_plane(space: Any) -> None:
     space.add_line((0, 0, 0), (0, 10, 5), **on("NOCUT"))
 
 
+def beside_the_axis(space: Any) -> None:
+    space.add_lwpolyline([(0, 0.2), (0, 10), (50, 10), (50, 0.2)], **on("NOCUT"))
+
+
+def end_beside_the_axis(space: Any) -> None:
+    space.add_lwpolyline([(0, 0), (0, 10), (50, 10), (50, -0.3)], **on("NOCUT"))
+
+
+def beside_a_line(space: Any) -> None:
+    space.add_lwpolyline(BOX, **on("NOCUT"))
+    space.add_lwpolyline([(0.3, 4), (30, 4), (30, 0)], **on("NOCUT"))
+
+
+def bore_in_a_cone(space: Any) -> None:
+    space.add_lwpolyline([(0, 0), (5, 10), (50, 10), (50, 0)], **on("NOCUT"))
+    space.add_lwpolyline([(2, 4), (30, 4), (30, 0)], **on("NOCUT"))
+
+
+def bore_that_protrudes(space: Any) -> None:
+    space.add_lwpolyline(BOX, close=True, **on("NOCUT"))
+    space.add_lwpolyline([(-5, 0), (-5, 4), (20, 4), (20, 0)], close=True, **on("NOCUT"))
+
+
 def layers(space: Any) -> None:
     space.add_lwpolyline(BOX, close=True, **on("PART"))
     space.add_lwpolyline(WHOLE, close=True, **on("VIEW"))
@@ -138,6 +161,11 @@ MISTAKES: dict[Callable[[Any], None], tuple[str, ...]] = {
     circle: ('layer "NOCUT", CIRCLE #', "a section across the axis, not a profile"),
     branches: ('layer "NOCUT", LINE #', "at (20, 10) mm", "3 lines meet here"),
     one_gap: ('layer "NOCUT", LWPOLYLINE #', "at (0, 5) mm", "of the same entity at (0.2, 5) mm, 0.2 mm away"),
+    beside_the_axis: ('layer "NOCUT", LWPOLYLINE #', "(0, 0.2) mm", "misses the axis: it ends 0.2 mm from it at both"),
+    end_beside_the_axis: ('layer "NOCUT", LWPOLYLINE #', "at (50, -0.3) mm", "it ends 0.3 mm from it, expected"),
+    beside_a_line: ('layer "NOCUT", LWPOLYLINE #', "at (0.3, 4) mm", "line is LWPOLYLINE #", "0.3 mm away; close it"),
+    bore_in_a_cone: ('layer "NOCUT", LWPOLYLINE #', "at (2, 4) mm", "this end is on LWPOLYLINE #", "into a layer BORE"),
+    bore_that_protrudes: ('layer "NOCUT", LWPOLYLINE #', "at (0, 4) mm", "crosses LWPOLYLINE #", "into a layer BORE"),
     out_of_the_plane: ('layer "NOCUT", LINE #', "not in the plane", "z is from 0 to 5"),
     layers: ('"PART" (1 curves) and "VIEW" (1 curves)', "`layer`"),
     only_texts: ("no line in the model space", "it has TEXT"),

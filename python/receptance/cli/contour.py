@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, cast
 
@@ -23,6 +24,8 @@ from receptance.model.materials import material as listed_material
 _DRAWING = "Reading of drawings that do not state everything"
 """Group of options in the help."""
 _WORD = re.compile(r"\W+")
+_KEYS = ("layer", "bore_layer", "unit", "axis", "tip", "within")
+"""Keys of a campaign, and arguments in Python, that messages on drawings name; the options have the same names."""
 
 
 @takes_targets()
@@ -83,9 +86,11 @@ def contour(
     """
     targets.protect(file, "the drawing to read")
     targets.require_new()
-    written = {"layer": layer, "bore_layer": bore_layer, "unit": unit, "axis": axis, "tip": tip, "within": within}
+    written = dict(zip(_KEYS, (layer, bore_layer, unit, axis, tip, within), strict=True))
     keys: dict[str, Any] = {key: value for key, value in written.items() if value}
     options: dict[str, Any] = {key: value for key, value in keys.items() if key != "within"}
+    if tip is not None and tip not in drawing.read.TIPS:
+        raise InputError(f"--tip is {tip!r}{instead_of(tip, drawing.read.TIPS)}")
     if within is not None:
         try:
             options["tolerance"] = units.parse(within, units.LENGTH)
@@ -95,10 +100,11 @@ def contour(
         with input_errors(OSError, TypeError, MissingExtraError):
             drawn = drawing.read_contour(file, **cast(drawing.DrawingOptions, options))
     except FileFormatError as error:
-        option = f" (--{error.option.replace('_', '-')})" if error.option else ""
-        raise InputError(f"{error}{option}") from None
+        text, option = _with_options(str(error)), _option(error.option)
+        raise InputError(text if not error.option or option in text else f"{text} ({option})") from None
     except ValueError as error:
-        raise InputError(str(error)) from None
+        raise InputError(_with_options(str(error))) from None
+    drawn = replace(drawn, assumptions=tuple(map(_with_options, drawn.assumptions)))
     called = name or _WORD.sub("_", file.stem).strip("_") or "part"
     if not re.fullmatch(r"[^\W\d]\w*", called):
         raise InputError(f"--name is {called!r}, expected one word of letters, digits and underscores")
@@ -111,6 +117,17 @@ def contour(
     targets.show(report)
     if not no_window and not targets.asked:
         open_figure(console, report.plot, file.stem)
+
+
+def _option(key: str) -> str:
+    return f"--{key.replace('_', '-')}"
+
+
+def _with_options(text: str) -> str:
+    """Return a message with the options of the command in place of the keys of a campaign that it names."""
+    for key in _KEYS:
+        text = text.replace(f"`{key}`", _option(key))
+    return text
 
 
 def _material(text: str) -> Material:

@@ -213,7 +213,7 @@ def closed_loops(
         kept = [curve for curve in long if np.abs(curve.points[:, 1]).max() > tolerance]
         if len(kept) < len(long):
             notes.append(f'{len(long) - len(kept)} lines on the axis in layer "{curves[0].layer}" are left out')
-        long = kept
+        long = [part for curve in kept for part in _beside_axis(curve, tolerance)]
     net = _Net(long, tolerance)
     notes += _drop_repeated(net)
     if axis:
@@ -230,6 +230,21 @@ def closed_loops(
             curves[0].layer,
         )
     return loops, notes
+
+
+def _beside_axis(curve: Curve, tolerance: float) -> list[Curve]:
+    """Return the parts of a polyline between its edges on the axis, as if these were lines of their own."""
+    on_axis = np.abs(curve.points[:, 1]) <= tolerance
+    edges = on_axis[:-1] & on_axis[1:]
+    if not edges.any():
+        return [curve]
+    cuts = np.flatnonzero(edges)
+    starts, stops = [0, *(cuts + 1)], [*(cuts + 1), len(curve.points)]
+    parts = [curve.points[i:j] for i, j in zip(starts, stops, strict=True) if j - i > 1]
+    # Where a closed polyline begins beside the axis, its last part goes on with the first.
+    if len(parts) > 1 and not on_axis[0] and math.hypot(*(parts[-1][-1] - parts[0][0])) <= tolerance:
+        parts = [np.concatenate([parts[-1], parts[0][1:]]), *parts[1:-1]]
+    return [replace(curve, points=points) for points in parts]
 
 
 def _drop_repeated(net: _Net) -> list[str]:
@@ -252,22 +267,31 @@ def _drop_repeated(net: _Net) -> list[str]:
 
 
 def _divide_faces(net: _Net) -> None:
-    """Divide straight lines across the axis where another curve ends on them, as at a shoulder with a visible edge."""
+    """Divide curves at straight edges across the axis on which another curve ends.
+
+    That is a shoulder with a visible edge, or the face in which a bore begins.
+    """
     degrees = net.degrees
     free = [net.places[2 * i + side] for i, ends in enumerate(net.nodes) for side in (0, 1) if degrees[ends[side]] == 1]
     divided: list[Curve] = []
     for curve in net.curves:
-        (x0, y0), (x1, y1) = curve.ends
-        if not curve.is_straight or abs(x1 - x0) > net.tolerance:
-            divided.append(curve)
-            continue
-        low, high = sorted((y0, y1))
-        on = [y for x, y in free if abs(x - x0) <= net.tolerance and low + net.tolerance < y < high - net.tolerance]
-        stops = sorted({low, high, *on})
-        if len(stops) == 2:
-            divided.append(curve)
-            continue
-        divided += [replace(curve, points=np.array([[x0, a], [x0, b]])) for a, b in pairwise(stops)]
+        (x0, y0), (x1, y1) = curve.points[:-1].T, curve.points[1:].T
+        low, high = np.minimum(y0, y1) + net.tolerance, np.maximum(y0, y1) - net.tolerance
+        places: dict[int, list[float]] = {}
+        for x, y in free:
+            across = (np.maximum(np.abs(x0 - x), np.abs(x1 - x)) <= net.tolerance) & (low < y) & (y < high)
+            for edge in np.flatnonzero(across).tolist():
+                places.setdefault(edge, []).append(float(y))
+        begun = 0
+        before: list[Points] = []
+        for edge, heights in sorted(places.items()):
+            before += list(curve.points[begun : edge + 1])
+            begun = edge + 1
+            for y in sorted(set(heights), reverse=bool(y1[edge] < y0[edge])):
+                place = np.array((x0[edge], y))
+                divided.append(replace(curve, points=np.array([*before, place])))
+                before = [place]
+        divided.append(replace(curve, points=np.array([*before, *curve.points[begun:]])) if places else curve)
     if len(divided) > len(net.curves):
         net.curves = divided
         net.keep(range(len(divided)))
@@ -317,18 +341,50 @@ def _check_nodes(net: _Net, frame: Frame, axis: bool) -> None:
         return
     index, end = free[0]
     curve, here = net.curves[index], net.places[end]
-    problem = "the contour is open: this end touches no other line"
+    raise wrong(_open_end(net, free, frame, axis), curve.layer, curve.entity, frame.place(here))
+
+
+def _open_end(net: _Net, free: Sequence[tuple[int, int]], frame: Frame, axis: bool) -> str:
+    """Return what is wrong with the first of the free ends: it is near another end, near the axis, or on a line."""
+    index, end = free[0]
+    here, unit = net.places[end], frame.unit
     others = [(math.hypot(*(net.places[o] - here)), net.curves[i].entity, o) for i, o in free if i != index]
     opposite = 2 * index + 1 - end % 2
-    if not others and len(curve.points) > 2 and any(o == opposite for _, o in free):
+    if not others and len(net.curves[index].points) > 2 and any(o == opposite for _, o in free):
         others = [(math.hypot(*(net.places[opposite] - here)), "the same entity", opposite)]
-    if others:
-        gap, entity, other = min(others)
-        near = frame.place(net.places[other])
-        problem = (
-            f"the contour is open: the nearest free end is that of {entity} at {near}, {gap:.4g} {frame.unit} away"
+    gap, entity, other = min(others, default=(math.inf, "", end))
+    lines = [(_distance(curve.points, here), curve.entity) for i, curve in enumerate(net.curves) if i != index]
+    beside, line = min(lines, default=(math.inf, ""))
+    from_axis = abs(here[1]) if axis else math.inf
+    if beside <= net.tolerance:
+        return (
+            f"this end is on {line}, whose contour does not begin there; put a bore into a layer BORE, or a layer that "
+            "`bore_layer` names, and what is no part of the contour into another one"
         )
-    raise wrong(f"{problem}; close it in the drawing", curve.layer, curve.entity, frame.place(here))
+    if from_axis < min(gap, beside):
+        ends = [o for i, o in free if i == index]
+        both = len(ends) > 1 and abs(net.places[ends[0], 1] - net.places[ends[1], 1]) <= net.tolerance
+        return (
+            f"the profile misses the axis: it ends {from_axis:.4g} {unit} from it{' at both ends' if both else ''}, "
+            "expected an end on it, or a closed contour; move the end in the drawing, or state the axis with `axis`"
+        )
+    if beside < gap:
+        return f"the contour is open: the nearest line is {line}, {beside:.4g} {unit} away; close it in the drawing"
+    if not others:
+        return "the contour is open: this end touches no other line; close it in the drawing"
+    near = frame.place(net.places[other])
+    return (
+        f"the contour is open: the nearest free end is that of {entity} at {near}, {gap:.4g} {unit} away; close it in "
+        "the drawing"
+    )
+
+
+def _distance(points: Points, place: Points) -> float:
+    """Return the distance of a place from a polyline."""
+    start, along = points[:-1], np.diff(points, axis=0)
+    length = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
+    share = np.clip(((place - start) * along).sum(axis=1) / length, 0.0, 1.0)
+    return float(np.hypot(*(start + share[:, None] * along - place).T).min())
 
 
 def _chains(net: _Net) -> list[list[tuple[int, bool]]]:

@@ -248,6 +248,7 @@ def _drawn(sheet: Sheet, options: DrawingOptions, tolerance: float) -> DrawnCont
     frame, assumed = _axis(sheet, options.get("axis", ""), notes)
     across = tolerance / sheet.factor
     loops: dict[str, list[Loop]] = {}
+    touches = False
     for name in (*profiles, *bores):
         curves = sheet.layers[name]
         if all(curve.entity.startswith(_ROUND) for curve in curves):
@@ -258,12 +259,13 @@ def _drawn(sheet: Sheet, options: DrawingOptions, tolerance: float) -> DrawnCont
                 curves[0].entity,
             )
         moved = [Curve(frame.inside(curve.points), curve.entity, name) for curve in curves]
+        touches |= any(np.abs(curve.points[:, 1]).min() <= across for curve in moved)
         loops[name], more = closed_loops(moved, frame, across, axis=True)
         notes += more
         if not loops[name]:
             raise wrong("has no contour beside the axis", name, curves[0].entity)
     body = revolve({name: loops[name] for name in profiles}, {name: loops[name] for name in bores}, frame, across)
-    if assumed:
+    if assumed and not touches:
         _check_assumed_axis(body, frame, across)
     if body.sides != "both":
         side = "above" if body.sides == "above" else "below"
@@ -353,12 +355,11 @@ def _written_axis(sheet: Sheet, written: str) -> Frame:
 
 
 def _check_assumed_axis(body: Revolved, frame: Frame, tolerance: float) -> None:
-    """Raise if a profile that does not touch the assumed axis is symmetric about another one, which may be meant."""
+    """Raise if a profile beside the assumed axis is symmetric about another one, which may be meant."""
     middles = [
         0.5 * (inner + outer) for ring in body.rings for inner, outer in zip(ring.inner, ring.outer, strict=True)
     ]
-    touches = any(min(ring.inner) <= tolerance for ring in body.rings)
-    if body.sides == "both" or touches or max(middles) - min(middles) > 2.0 * tolerance:
+    if body.sides == "both" or max(middles) - min(middles) > 2.0 * tolerance:
         return
     sign = 1.0 if body.sides == "above" else -1.0
     at = frame.place((0.0, sign * middles[0])).split(", ")[1].replace(")", "")

@@ -155,8 +155,12 @@ def _breaks(edges: _Edges, frame: Frame, tolerance: float) -> list[float]:
         for second, place in zip(others, places, strict=True):
             layer, entity = edges.name(first)
             if edges.layers[second] == layer:
+                hint = ""
+                if edges.loops[first] != edges.loops[second]:
+                    hint = "; put a bore into a layer BORE, or a layer that `bore_layer` names"
                 raise wrong(
-                    f"crosses {edges.entities[second]}, expected a contour that does not cross itself or another one",
+                    f"crosses {edges.entities[second]}, expected a contour that does not cross itself or another one"
+                    f"{hint}",
                     layer,
                     entity,
                     frame.place(place),
