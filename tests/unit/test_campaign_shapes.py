@@ -88,6 +88,19 @@ def test_an_outline_is_read_from_a_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
+        (
+            'outer_diameter = "12 mm"\nshape = { flutes = 4, core_diameter = "13 mm" }',
+            "shape: core_diameter is 13 mm, expected less than the diameter 12 mm",
+        ),
+        ('shape = { points = [[0, 0], [1, 0]], unit = "mm" }', "shape: points has 2 different points"),
+        (
+            'shape = { points = [[0, 0], [1, 0], [1, 1]], unit = "kg" }',
+            "shape: unit is 'kg', expected a unit of length",
+        ),
+        (
+            'outer_diameter = "12 mm"\ninner_diameter = "2 mm"\nshape = { flutes = 4, core_diameter = "7 mm" }',
+            "a shape is given beside a bore or a core",
+        ),
         ('outer_diameter = "12 mm"\nshape = { core_diameter = "7 mm" }', "has none of them, expected one of `flutes`"),
         ('outer_diameter = "12 mm"\nshape = { flutes = 4 }', "has `flutes` without `core_diameter`"),
         ('shape = { flutes = 4, core_diameter = "7 mm" }', "expected `outer_diameter` of the segment as well"),
@@ -105,7 +118,9 @@ def test_an_outline_is_read_from_a_file(tmp_path: Path) -> None:
 def test_mistakes_are_told(tmp_path: Path, lines: str, message: str) -> None:
     with pytest.raises(campaign.CampaignError) as error:
         read(tmp_path, lines)
-    assert message in str(error.value).replace(", parts.bar.segments[0].", " "), str(error.value)
+    text = str(error.value)
+    assert message in text.replace(", parts.bar.segments[0].", " "), text
+    assert "SectionShape" not in text
 
 
 def test_two_flutes_with_a_helix_are_noted(tmp_path: Path) -> None:

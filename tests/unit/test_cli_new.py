@@ -444,7 +444,7 @@ def test_directions_in_the_header(header: str, directions: tuple[str, str]) -> N
         (["--hit", "holder4"], '--hit of tool_60mm is "holder4", expected a place such as "tool@0 mm"'),
         (["--hit", "body@3 mm"], '--hit of tool_60mm is "body@3 mm", which names "body", expected one of "tool"'),
         (["--hit", "holder@4 kg"], 'whose distance is "4 kg", a mass, expected a place'),
-        (["--hit", "holder@900 mm"], "excitation.position: is 900 mm, expected at most the length 138 mm"),
+        (["--hit", "holder@900 mm"], "--hit of tool_60mm: is 900 mm, expected at most the length 138 mm"),
         (["--hit", "tip -X +Z"], "expected a place such as"),
         (["--hit", "tip", "--hit", "nose"], "2 --hit are given for 1 measurements, expected one for each"),
         (

@@ -75,6 +75,23 @@ def test_a_drawing_with_mistakes_is_refused(capsys: pytest.CaptureFixture[str]) 
         assert words in capsys.readouterr().err
 
 
+def test_mistakes_of_the_new_campaign_name_options(capsys: pytest.CaptureFixture[str]) -> None:
+    """Its file is not written, so that it has no lines."""
+    answers = ("--tool", "12 mm", "--tool-material", "carbide", "--holder", "holder.dxf", "--holder-material", "steel")
+    more = ("--sensor", "none", "--support", "free", "--overhang", "50 mm", "--standard-deviation", "1 %")
+    for insertion, places, words in (
+        ("130 mm", (), "--insertion of short: the insertion is 130 mm, longer than the bore of holder"),
+        ("36 mm", ("--hit", "holder@900 mm"), "--hit of short: "),
+        ("36 mm", ("--response", "holder@901 mm"), "--response of short: "),
+    ):
+        assert call("new", "mine", "short.csv", *answers, *more, "--insertion", insertion, *places) == 2
+        error = capsys.readouterr().err
+        assert words in error, error
+        assert "mine/campaign.toml was not written" in error
+        assert "line" not in error
+        assert not Path("mine").exists()
+
+
 def test_the_lines_of_contour_and_tables_of_points_are_holders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     points = "x,diameter\n0,27\n40,33\n40,63\n100,63\n"

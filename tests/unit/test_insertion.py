@@ -217,6 +217,26 @@ def test_insertion_of_a_campaign_is_refused_with_its_place(tmp_path: Path) -> No
         read(tmp_path, DRAWN.replace('insertion = "40 mm"', 'insertion = "60 mm"', 1))
 
 
+def without_insertion(text: str) -> str:
+    return "\n".join(line for line in text.splitlines() if not line.startswith("insertion = "))
+
+
+def test_a_shank_that_fits_an_empty_bore_without_insertion_is_noted(tmp_path: Path) -> None:
+    def notes(name: str, text: str) -> list[str]:
+        return [note for note in read(tmp_path / name, text).notes if "fits the bore" in note]
+
+    assert notes("inserted", DRAWN) == []
+    assert notes("divided", DIVIDED) == []
+    bare = without_insertion(DRAWN)
+    found = notes("bare", bare)
+    assert len(found) == DRAWN.count("insertion = ")
+    for words in ("assemblies.short: the shank of tool, 12 mm", "bore of holder, 12 mm", 'state insertion = "'):
+        assert words in found[0]
+    other = bare.replace('inner_diameter = "12 mm"', 'inner_diameter = "14 mm"')
+    assert other != bare
+    assert notes("wider", other) == []
+
+
 def test_unknown_behind_the_insertion_is_refused(tmp_path: Path) -> None:
     text = f'{DRAWN}"holder.segment[1].density" = {{ lower = "7000 kg/m^3", upper = "9000 kg/m^3" }}\n'
     with pytest.raises(CampaignError, match=r"makes .holder.segment\[2\].density.: it ends in segment 0 of the holder"):

@@ -38,7 +38,7 @@ from receptance.model.assembly import Assembly
 from receptance.model.beams import STEEL, Material, Part, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate
 from receptance.model.fields import Member, Number
-from receptance.model.insertion import Insertion, with_insertion
+from receptance.model.insertion import Insertion, fitting_bore, with_insertion
 from receptance.model.joints import ColletJoint, GroundSpring, MicroslipJoint, PointJoint, PointMass, Resonator
 from receptance.model.terminals import RESIDUALS, MeasuredPart, ModalPart, Mode
 
@@ -47,13 +47,16 @@ _KINDS = (
     *(kind.__name__ for kind in (Material, Part, Segment, ModalPart, Mode, Assembly, Unknown)),
     *(keys.element.__name__ for keys in (*JOINTS.choices, *ATTACHMENTS.choices) if keys.element is not None),
     "Section",
+    "SectionShape",
+    *(f"SectionShape.{name}" for name in ("fluted", "polygon", "rectangle")),
+    "read_contour",
     "insert",
     "Candidate",
     "Observation",
     "Milling",
     "Turning",
 )
-"""Classes whose error messages begin with their name; the path in the file replaces it."""
+"""Classes and functions whose error messages begin with their name; the path in the file replaces it."""
 _WITHOUT_MOVES = ("multiple", "also", "free", "individual", "follows", "exponent")
 """Keys of an unknown that cannot stand beside `moves`."""
 _NEEDED = {
@@ -482,11 +485,26 @@ class Builder:
         if table.set:
             assembly = self.make((*path, "set"), assembly.replace, table.set)
         if table.insertion is None:
+            self._note_on_empty_bore(path, assembly)
             return assembly
         made, insertion = self.make((*path, "insertion"), with_insertion, assembly, table.insertion)
         built.insertions[name] = InsertedShank(assembly, insertion)
         self._check_moved(path, built.insertions[name], made)
         return made
+
+    def _note_on_empty_bore(self, path: KeyPath, assembly: Assembly) -> None:
+        """Note a shank that fits the empty bore of its holder, in which it probably is."""
+        fitting = fitting_bore(assembly)
+        if fitting is None:
+            return
+        tool, holder, depth = fitting
+        shank, bore = (1e3 * diameter for diameter in (tool.segments[-1].at(1.0)[0], holder.segments[0].inner_diameter))
+        self.note(
+            path,
+            f"the shank of {tool.name}, {shank:.6g} mm, fits the bore of {holder.name}, {bore:.6g} mm, which is empty "
+            f"over {1e3 * depth:.6g} mm; where the shank is in it, describe {tool.name} with its whole shank and state "
+            f'insertion = "LENGTH", at most {1e3 * depth:.6g} mm, or state core in the segments of {holder.name}',
+        )
 
     def _check_moved(self, path: KeyPath, shank: InsertedShank, made: Assembly) -> None:
         """Check that the addresses of unknowns are those of the same dimension in the parts as drawn."""

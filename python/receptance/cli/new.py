@@ -312,7 +312,7 @@ def new(
         with created_folder(target.parent):
             check_target(target)
             # Read before it is written, so that no campaign with mistakes is left behind.
-            made = campaign.Campaign.from_contents(target, tomllib.loads(text), text)
+            made = _made(target, text)
             notes, missing = made.notes, campaign.missing_records(made)
             write_whole({target: text.encode()})
     step = f"receptance check {shlex.quote(str(folder))}"
@@ -336,6 +336,43 @@ def new(
     console.print(f"Written: {target}", soft_wrap=True)
     targets.print_names(console)
     console.print(f"Next: {step}", soft_wrap=True)
+
+
+_OPTIONS_OF: tuple[tuple[tuple[str, ...], str], ...] = (
+    (("parts", "tool"), "--tool"),
+    (("parts", "holder"), "--holder"),
+    (("materials",), "--material"),
+    (("sensors",), "--sensor"),
+    (("modal_parts",), "--spindle-modes"),
+    (("assemblies", "*", "insertion"), "--insertion"),
+    (("assemblies", "*", "set"), "--overhang"),
+    (("measurements", "*", "response"), "--response"),
+    (("measurements", "*", "excitation"), "--hit"),
+    (("measurements", "*", "averages"), "--averages"),
+    (("measurements", "*", "standard_deviation"), "--standard-deviation"),
+    (("measurements", "*", "force"), "--force"),
+    (("measurements", "*", "motion"), "--motion"),
+)
+"""Beginnings of the keys of a new campaign, with any name for *, and the options whose answers are there."""
+
+
+def _made(target: Path, text: str) -> campaign.Campaign:
+    """Return the new campaign; its mistakes are told by the options, because its file is not written."""
+    try:
+        return campaign.Campaign.from_contents(target, tomllib.loads(text), text)
+    except campaign.CampaignError as error:
+        mistakes = [f"  {_about(problem.path)}{problem.text}" for problem in error.problems]
+    head = f"the answers make no campaign, and {target} was not written:"
+    raise InputError("\n".join([head, *dict.fromkeys(mistakes)]))
+
+
+def _about(path: Sequence[str | int]) -> str:
+    """Return what a mistake is about: the option, and the name of the measurement or the assembly."""
+    for beginning, option in _OPTIONS_OF:
+        if len(path) >= len(beginning) and all(a in ("*", b) for a, b in zip(beginning, path, strict=False)):
+            of = f" of {path[1]}" if path[0] in ("assemblies", "measurements") and len(path) > 1 else ""
+            return f"{option}{of}: "
+    return f"{campaign.problems.path_text(tuple(path))}: " if path else ""
 
 
 def _target(folder: Path, files: Sequence[Path], overwrite: bool) -> Path:

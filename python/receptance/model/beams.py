@@ -193,8 +193,8 @@ class Segment(_CircularSection, _Length):
                 raise TypeError(f"{self.owner}: shape is {self.shape!r}, expected a SectionShape or None")
             if self.inner_diameter or self.end_inner_diameter or self.core is not None:
                 raise ValueError(
-                    f"{self.owner}: a shape is given beside a bore or a core, expected the holes in the shape, as in "
-                    "SectionShape.polygon(points, holes=...)"
+                    f"{self.owner}: a shape is given beside a bore or a core, expected the holes in the shape itself, "
+                    "such as the holes of a polygon"
                 )
             self.shape.factors("y", self.shear)
         outer, inner = self.ends[1]

@@ -244,6 +244,44 @@ def fits_bore(shank: float, bore: float) -> bool:
     return abs(bore - shank) <= FIT * shank
 
 
+def fitting_bore(assembly: Assembly) -> tuple[Part, Part, float] | None:
+    """Return tool, holder and depth in m of an empty bore which the shank fits, None without one.
+
+    Parts and places are those of `with_insertion`. A joint that has the insertion itself has no such bore.
+
+    Examples
+    --------
+    >>> from receptance import CARBIDE, STEEL, Assembly, Part, PointJoint, Segment
+    >>> from receptance.model.insertion import fitting_bore
+    >>> tool = Part([Segment(length=0.1, outer_diameter=0.012, material=CARBIDE)], name="tool")
+    >>> nose = Segment(length=0.05, outer_diameter=0.04, inner_diameter=0.012, material=STEEL)
+    >>> joint = PointJoint(k_y=5e8, k_theta=1e5, name="joint")
+    >>> fitting_bore(Assembly([tool, joint, Part([nose], name="holder")]))[2]
+    0.05
+    """
+    chain = list(assembly.elements.values())
+    before, behind = _sides(chain)
+    pair = [element for element in chain[before : behind + 1] if isinstance(element, Part)]
+    if len(pair) < 2 or any(hasattr(element, "length") for element in chain[before + 1 : behind]):
+        return None
+    tool, holder = pair
+    end, depth = tool.segments[-1], 0.0
+    if end.shape is not None or end.core is not None:
+        return None
+    shank = end.at(1.0)[0]
+    for segment in holder.segments:
+        if segment.core is not None or not all(fits_bore(shank, segment.at(share)[1]) for share in (0.0, 1.0)):
+            break
+        depth += segment.length
+    return (tool, holder, depth) if depth else None
+
+
+def _sides(chain: Sequence[Any]) -> tuple[int, int]:
+    """Return the places of tool and holder in a chain: around the first joint, or the first two without joints."""
+    joint = next((index for index, element in enumerate(chain) if element.role == "joint"), None)
+    return (0, 1) if joint is None else (joint - 1, joint + 1)
+
+
 def with_insertion(assembly: Assembly, length: float) -> tuple[Assembly, Insertion]:
     """Return an assembly with the shank of its tool in the bore of its holder, both as drawn, and the insertion.
 
@@ -274,8 +312,8 @@ def with_insertion(assembly: Assembly, length: float) -> tuple[Assembly, Inserti
     ('0.15 m', 14500.0)
     """
     chain = list(assembly.elements.items())
-    joint = next((index for index, (_, element) in enumerate(chain) if element.role == "joint"), None)
-    before, behind = (0, 1) if joint is None else (joint - 1, joint + 1)
+    before, behind = _sides([element for _, element in chain])
+    joint = before + 1 if behind - before > 1 else None
     pair = [element for _, element in chain[before : behind + 1] if isinstance(element, Part)]
     if len(pair) < 2:
         names = ", ".join(assembly.elements)
