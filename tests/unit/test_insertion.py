@@ -228,10 +228,10 @@ def test_a_shank_that_fits_an_empty_bore_without_insertion_is_noted(tmp_path: Pa
     assert notes("inserted", DRAWN) == []
     assert notes("divided", DIVIDED) == []
     bare = without_insertion(DRAWN)
-    found = notes("bare", bare)
-    assert len(found) == DRAWN.count("insertion = ")
+    noted = notes("bare", bare)
+    assert len(noted) == DRAWN.count("insertion = ")
     for words in ("assemblies.short: the shank of tool, 12 mm", "bore of holder, 12 mm", 'state insertion = "'):
-        assert words in found[0]
+        assert words in noted[0]
     other = bare.replace('inner_diameter = "12 mm"', 'inner_diameter = "14 mm"')
     assert other != bare
     assert notes("wider", other) == []

@@ -211,8 +211,8 @@ class Catalogue:
 
         try:
             if isinstance(holders, Mapping):
-                given = [row for rows in holders.values() for row in rows]
-                _check_rows(file, given, mistakes_of_holder, mistakes, lambda row: row.holder)
+                all_rows = [row for rows in holders.values() for row in rows]
+                _check_rows(file, all_rows, mistakes_of_holder, mistakes, lambda row: row.holder)
             else:
                 holders = read_holders(file, notes=self.notes, check=mistakes)
         finally:

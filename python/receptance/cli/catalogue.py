@@ -133,8 +133,8 @@ def _require_new(names: Collection[str], figures: Path | None, frfs: Path | None
 def _cut(read: receptance.Campaign, cut: str | None) -> str:
     """Return the name of the cut for --depths after checking it and the spindle speeds."""
     if cut is None and len(read.cuts) != 1:
-        known = f"there are {', '.join(read.cuts)}" if read.cuts else "the campaign has none"
-        raise InputError(f"--depths needs one cut, name it with --cut; {known}")
+        cuts = f"there are {', '.join(read.cuts)}" if read.cuts else "the campaign has none"
+        raise InputError(f"--depths needs one cut, name it with --cut; {cuts}")
     name = cut or next(iter(read.cuts))
     (chosen,) = read.select_cuts([name])
     if isinstance(chosen.cut, receptance.stability.Milling):
@@ -146,7 +146,7 @@ def _cut(read: receptance.Campaign, cut: str | None) -> str:
 
 def _renamed_files(summary: receptance.catalogue.CatalogueSummary) -> str:
     """Return a note on the tools whose names cannot be file names."""
-    names = receptance.catalogue.results.file_names(one.name for one in summary.tools)
+    names = receptance.catalogue.results.file_names(tool.name for tool in summary.tools)
     others = [f"{tool} as {file}" for tool, file in names.items() if tool != file]
     more = f", and {len(others) - _LISTED} more" if len(others) > _LISTED else ""
     text = f"note: tools whose files have another name: {', '.join(others[:_LISTED])}{more}"
