@@ -21,6 +21,8 @@ from .run import load as load
 from .schema_document import field_tables as field_tables
 from .schema_document import json_schema as json_schema
 from .spindle import SpindleIdentification as SpindleIdentification
+from .trial import Trial as Trial
+from .trial import TrialRecord as TrialRecord
 from .values import Deviation as Deviation
 from .write import extended_text as extended_text
 from .write import write_extended as write_extended

@@ -172,6 +172,16 @@ class Campaign(CampaignData):
         """
         return campaign.next_measurement.next_measurement_of(self, identified, targets)
 
+    def trial(self, identified: Identification | None = None) -> campaign.Trial:
+        """Return the model at chosen values beside the measurements: at those of an identification, or at the starts.
+
+        Raises
+        ------
+        CampaignError
+            There are no measurements or no unknowns.
+        """
+        return campaign.Trial.of(self, identified)
+
     def predict(self, identified: Identification | None = None) -> campaign.Prediction:
         """Predict held-out measurements and assemblies without measurements.
 
