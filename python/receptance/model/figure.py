@@ -70,12 +70,12 @@ def draw_assemblies(drawings: Sequence[Drawing], ax: Axes | None = None, *, titl
     and the names of joints, attachments and points of measurement. A part of many segments has its length and the
     diameters of its ends.
     """
-    longest = max(_extent(drawing.assembly) for drawing in drawings)
+    longest = max(extent(drawing.assembly) for drawing in drawings)
     fills: dict[str, str] = {}
     inches = _WIDTH - 2.0 * _MARGIN - 0.3
     scale = longest / inches
     ends = (-_MARGIN * scale, longest + _MARGIN * scale)
-    sketches = [_Sketch(drawing, scale, ends, fills) for drawing in drawings]
+    sketches = [Sketch(drawing, scale, ends, fills) for drawing in drawings]
     heights = [sketch.height / scale + 0.75 for sketch in sketches]
     figure = surface(ax, _WIDTH, sum(heights) + 0.6)
     axes = panels(figure, len(sketches), 1, height_ratios=heights, sharex=True)
@@ -95,8 +95,8 @@ def draw_assemblies(drawings: Sequence[Drawing], ax: Axes | None = None, *, titl
 def draw_mode_shapes(shapes: ModeShapes, ax: Axes | None = None) -> Figure:
     """Draw the assembly and below it the deflection of each mode, over the distance from the tip."""
     assembly = shapes.assembly
-    ends = (-0.03 * _extent(assembly), 1.03 * _extent(assembly))
-    sketch = _Sketch(Drawing(assembly), _extent(assembly) / (_WIDTH - 2.0 * _MARGIN), ends, {})
+    ends = (-0.03 * extent(assembly), 1.03 * extent(assembly))
+    sketch = Sketch(Drawing(assembly), extent(assembly) / (_WIDTH - 2.0 * _MARGIN), ends, {})
     figure = surface(ax, _WIDTH, 1.2 + 1.3 * max(len(shapes), 1))
     outline, *axes = panels(figure, 1 + len(shapes), 1, height_ratios=[1.0, *[1.3] * len(shapes)], sharex=True)
     sketch.draw_shapes(outline)
@@ -120,7 +120,7 @@ def draw_mode_shapes(shapes: ModeShapes, ax: Axes | None = None) -> Figure:
     return finished(figure)
 
 
-def _extent(assembly: Assembly) -> float:
+def extent(assembly: Assembly) -> float:
     """Return the length of a drawing in mm, with a box for a spindle."""
     return _MM * assembly.length + _spindle_length(assembly)
 
@@ -172,7 +172,7 @@ class _LabelRows:
         return self._start + len(self._taken) * self._step
 
 
-class _Body(NamedTuple):
+class Body(NamedTuple):
     """A body of revolution in mm, a cylinder or a cone."""
 
     x: float
@@ -185,6 +185,8 @@ class _Body(NamedTuple):
     hatch: str = ""
     edge: float = 0.8
     """Width of the outline in points."""
+    element: str = ""
+    """Name of the element that it belongs to."""
 
     def corners(self) -> list[tuple[float, float]]:
         """Return the corners of the section, counterclockwise from that below x."""
@@ -207,7 +209,7 @@ class _Label:
     leader: tuple[float, float] | None = None
 
 
-class _Sketch:
+class Sketch:
     """Shapes and labels of one assembly in mm; `scale` is the number of mm in an inch."""
 
     def __init__(self, drawing: Drawing, scale: float, ends: tuple[float, float], fills: dict[str, str]) -> None:
@@ -216,7 +218,7 @@ class _Sketch:
         gap = 0.12 * scale
         self.above = _LabelRows(self.radius + gap, _ROW * scale, scale, ends)
         self.below = _LabelRows(-self.radius - gap, -_ROW * scale, scale, ends)
-        self.bodies: list[_Body] = []
+        self.bodies: list[Body] = []
         self.joints: list[tuple[float, float, float]] = []
         """x, length, radius."""
         self.labels: list[_Label] = []
@@ -240,6 +242,7 @@ class _Sketch:
         for name, element in assembly.elements.items():
             self.starts[name] = x
             length = _length(element)
+            first_body = len(self.bodies)
             if isinstance(element, Part):
                 self._add_part(x, element)
                 names.append((x, x + length, name))
@@ -253,12 +256,13 @@ class _Sketch:
                 joints.append((x + 0.5 * length, name, half))
             elif element.role == "spindle":
                 width = _spindle_length(assembly)
-                self.bodies.append(_Body(x, width, self.radius, self.radius, "white", "////"))
+                self.bodies.append(Body(x, width, self.radius, self.radius, "white", "////"))
                 names.append((x, x + width, name))
             else:
                 half = self._radius_at(x)
                 self.joints.append((x, 0.0, half))
                 joints.append((x, name, half))
+            self.bodies[first_body:] = [body._replace(element=name) for body in self.bodies[first_body:]]
             x += length
         first = self.below.count
         for low, high, name in names:
@@ -302,12 +306,12 @@ class _Sketch:
             fill, fluted = self._fill(section.material), "flutes" in dict(section.shape.recipe)
             sizes = [(height, "" if not fluted else "////"), *([(core, "")] if fluted else [])]
             for size, hatch in sizes:
-                self.bodies.append(_Body(x, length, half * size * outer, half * size * end_outer, fill, hatch, edge))
+                self.bodies.append(Body(x, length, half * size * outer, half * size * end_outer, fill, hatch, edge))
             return
-        self.bodies.append(_Body(x, length, half * outer, half * end_outer, self._fill(section.material), "", edge))
+        self.bodies.append(Body(x, length, half * outer, half * end_outer, self._fill(section.material), "", edge))
         if inner or end_inner:
             fill = self._fill(section.core) if section.core is not None else "white"
-            self.bodies.append(_Body(x, length, half * inner, half * end_inner, fill, "", edge))
+            self.bodies.append(Body(x, length, half * inner, half * end_inner, fill, "", edge))
 
     def _fill(self, material: Material) -> str:
         return self.fills.setdefault(material.name, _FILLS[len(self.fills) % len(_FILLS)])
@@ -390,7 +394,7 @@ class _Sketch:
         """Draw the axis, the sections and the joints without labels."""
         set_up(axes, "", "", "", grid="none")
         over = 0.3 * self.ends[0]
-        axis = ([over, _extent(self.drawing.assembly) - over], [0.0, 0.0])
+        axis = ([over, extent(self.drawing.assembly) - over], [0.0, 0.0])
         axes.plot(*axis, color=PALE, linewidth=0.6, linestyle=(0, (8, 3, 1, 3)), zorder=3)
         for body in self.bodies:
             style = {"facecolor": body.fill, "edgecolor": INK, "linewidth": body.edge, "hatch": body.hatch, "zorder": 2}

@@ -1,0 +1,69 @@
+"""The text of the campaign file with its mistakes, to be mended in place."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Protocol
+
+from bokeh.layouts import column, row
+from bokeh.models import TextAreaInput
+
+from receptance.app import look
+from receptance.app.session import Session
+
+
+class PageOfView(Protocol):
+    """What a view needs of its page."""
+
+    session: Session
+
+    def say(self, text: str) -> None:
+        """Show a line of text."""
+
+    def remember(self, **state: str) -> None:
+        """Keep state in the address."""
+
+
+class FileView:
+    """The view "File"."""
+
+    title = "File"
+
+    def __init__(self, page: PageOfView) -> None:
+        self._page, self._session = page, page.session
+        self._text = TextAreaInput(
+            title="Campaign file", rows=34, cols=110, max_length=10_000_000, sizing_mode="stretch_width",
+            stylesheets=["textarea { font-family: ui-monospace, monospace; font-size: 13px; }"],
+        )  # fmt: skip
+        self._mistakes = look.text(role="status")
+        self.layout = column(
+            self._mistakes,
+            row(look.button("Check", self._check, primary=True), look.button("Revert", self._revert)),
+            self._text,
+            sizing_mode="stretch_width",
+        )
+        self._session.on("document", call=self.show)
+        self.show()
+
+    def show(self) -> None:
+        """Show text and mistakes of the document."""
+        document = self._session.document
+        self._text.value = "" if document is None else document.text
+        mistakes = () if document is None else document.mistakes
+        if not mistakes:
+            self._mistakes.text = ""
+            return
+        count = f"{len(mistakes)} mistake{'' if len(mistakes) == 1 else 's'}"
+        self._mistakes.text = f"<b>{escape(count)}</b>{look.items(map(str, mistakes))}"
+
+    def _check(self) -> None:
+        document = self._session.document
+        if document is not None:
+            self._session.edit(document.with_text(self._text.value))
+            if self._session.campaign is not None:
+                self._page.say("the file has no mistakes")
+
+    def _revert(self) -> None:
+        document = self._session.document
+        if document is not None:
+            self._session.edit(document.with_text(document.saved))

@@ -1,0 +1,111 @@
+"""The page of one tab: its views, the state in its address, and calculations that it polls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from pathlib import Path
+from urllib.parse import urlencode
+
+from bokeh.document import Document as BokehDocument
+from bokeh.events import DocumentReady
+from bokeh.layouts import column, row
+from bokeh.models import Button, CustomJS, LayoutDOM, TabPanel, Tabs
+
+from receptance.app import look
+from receptance.app.document import CAMPAIGN_FILE, ConflictError
+from receptance.app.file_view import FileView
+from receptance.app.model_view import ModelView
+from receptance.app.session import Session
+
+_POLL_MS = 200
+"""Time between two looks at a running calculation in ms."""
+_ADDRESS = "history.replaceState(null, '', '?' + cb_obj.tags[0])"
+_TURN = """const query = new URLSearchParams(location.search);
+query.set('theme', query.get('theme') == 'dark' ? 'light' : 'dark'); location.search = query;"""
+
+
+class CampaignPage:
+    """The views of a tab.
+
+    `query` is the state in the address: the open view, the theme and what the views keep there.
+    """
+
+    def __init__(
+        self, doc: BokehDocument, folder: Path, query: Mapping[str, str], *, threads: int | None = None
+    ) -> None:
+        self.doc, self.query = doc, dict(query)
+        self.session = Session(folder, threads=threads)
+        self.status = look.status()
+        self.status.js_on_change("tags", CustomJS(code=_ADDRESS))
+        dark = self.query.get("theme") == "dark"
+        doc.theme, doc.title, doc.template = look.theme(dark), "receptance", look.template()
+        doc.template_variables.update(dark=dark, c=look.palette(dark))
+        self._open(self.query.get("file", CAMPAIGN_FILE))
+        self.views = {"model": ModelView(self), "file": FileView(self)}
+        panels = [TabPanel(title=view.title, child=view.layout) for view in self.views.values()]
+        names = list(self.views)
+        start = "model" if self.session.trial is not None else "file"
+        self.tabs = Tabs(tabs=panels, active=names.index(self.query.get("view", start)), sizing_mode="stretch_width")
+        self.tabs.on_change("active", lambda attr, old, new: self.remember(view=names[new]))
+        self.tabs.js_on_change("active", look.labels())
+        doc.js_on_event(DocumentReady, look.labels())
+        doc.add_root(column(self._header(), self.status, self.tabs, sizing_mode="stretch_width"))
+        doc.add_periodic_callback(self._poll, _POLL_MS)
+
+    def _open(self, file: str) -> None:
+        try:
+            self.session.open(file)
+        except FileNotFoundError:
+            pass  # an empty folder: the page begins with its files
+        except (OSError, ValueError) as error:
+            self.say(str(error))
+
+    def _header(self) -> LayoutDOM:
+        self._name = look.text()
+        self._save: Button = look.button("Save", self._saved, primary=True)
+        turn = Button(label="Light / dark", width=110)
+        turn.js_on_click(CustomJS(code=_TURN))
+        self.session.on("document", call=self._show_name)
+        self._show_name()
+        return row(self._name, self._save, turn, sizing_mode="stretch_width")
+
+    def _show_name(self) -> None:
+        document = self.session.document
+        campaign = self.session.campaign
+        title = "" if campaign is None else f"<b>{escape(campaign.title)}</b> "
+        name = "" if document is None else f"{escape(document.file.name)}{', not saved' if document.is_changed else ''}"
+        self._name.text = title + name
+        self._save.disabled = document is None or not document.is_changed
+
+    def _saved(self) -> None:
+        try:
+            self.session.save()
+            self.say("saved")
+        except (ConflictError, OSError) as error:
+            self.say(str(error))
+
+    def say(self, text: str) -> None:
+        """Show a line of text below the header."""
+        self.status.text = escape(text)
+
+    def remember(self, **state: str) -> None:
+        """Keep state in the address; empty values are left out."""
+        self.query = {name: value for name, value in {**self.query, **state}.items() if value}
+        self.status.tags = [urlencode(self.query)]
+
+    def _poll(self) -> None:
+        work = self.session.work
+        if work is None:
+            return
+        if self.session.finish() is None:
+            self.say(f"{work.name}: {work.progress} ({work.seconds:.0f} s)")
+        elif work.error is not None:
+            self.say(f"{work.name}: {work.error}")
+        else:
+            self.say(f"{work.name}: stopped" if work.stopped else f"{work.name}: done in {work.seconds:.1f} s")
+
+    def close(self) -> None:
+        """End what runs, when the tab is closed."""
+        if self.session.work is not None:
+            self.session.work.stop()

@@ -1,0 +1,117 @@
+"""The server of a page: on this machine only, behind a random address, as long as a page is open.
+
+The address has a random token as its first part; every other path is answered with 404, and websockets of other origins
+are refused. Scripts come from the installed Bokeh, so that nothing is loaded from a network.
+"""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from bokeh.application import Application
+from bokeh.application.handlers import Handler
+from bokeh.document import Document as Page
+from bokeh.server.server import Server
+from bokeh.server.urls import per_app_patterns
+from bokeh.server.views.ws import WSHandler
+from tornado.ioloop import IOLoop
+
+from receptance.app.page import CampaignPage
+
+HOST = "127.0.0.1"
+LARGEST_UPLOAD = 100 << 20
+"""Largest message of a browser in bytes: files that are dropped arrive in one."""
+_CLOSED_MS, _CHECKED_MS = 2000, 500
+"""Time after which a closed tab ends its session, and between two checks, in ms."""
+_RELOAD_S = 1.5
+"""Time in s that a reload may take before the server of the last tab ends."""
+
+
+class _AtOnce(WSHandler):
+    """A websocket that sends at once: Nagle's algorithm delays each answer to a slider by 40 ms."""
+
+    def open(self) -> None:
+        self.set_nodelay(True)
+        super().open()
+
+
+class _Tabs(Handler):
+    """Makes the page of each tab, and calls `ended` after the last one is closed."""
+
+    def __init__(self, folder: Path, ended: Callable[[], None], loop: IOLoop, threads: int | None) -> None:
+        super().__init__()
+        self._folder, self._ended, self._loop, self._threads = folder, ended, loop, threads
+        self._pages: dict[str, CampaignPage] = {}
+
+    def modify_document(self, doc: Page) -> None:
+        """Fill the page of a new tab."""
+        context = doc.session_context
+        arguments = {} if context is None else context.request.arguments
+        query = {name: values[0].decode(errors="replace") for name, values in arguments.items() if values}
+        page = CampaignPage(doc, self._folder, query, threads=self._threads)
+        if context is not None:
+            self._pages[str(context.id)] = page
+
+    async def on_session_destroyed(self, session_context: Any) -> None:
+        """End the calculations of a tab, and the server with the last one."""
+        page = self._pages.pop(str(session_context.id), None)
+        if page is not None:
+            page.close()
+        if not self._pages:
+            self._loop.call_later(_RELOAD_S, lambda: None if self._pages else self._ended())
+
+
+def page_server(
+    folder: Path, *, ended: Callable[[], None], loop: IOLoop | None = None, port: int = 0, threads: int | None = None
+) -> tuple[Server, str]:
+    """Return a started server of a folder, and the address of its page.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder: no file outside of it is read or written.
+    ended : callable
+        Called after the last tab was closed.
+    loop : IOLoop, optional
+        That of a notebook; by default a new one, which the caller starts.
+    port : int, optional
+        Port; by default a free one.
+    threads : int, optional
+        As in `Campaign.load`.
+    """
+    token = secrets.token_urlsafe(24)
+    per_app_patterns[:] = [(path, _AtOnce if view is WSHandler else view) for path, view in per_app_patterns]
+    chosen = loop or IOLoop()
+    tabs = _Tabs(folder, ended, chosen, threads)
+    server = Server(
+        {"/": Application(tabs)},
+        io_loop=chosen,
+        address=HOST,
+        port=port,
+        prefix=token,
+        session_token_expiration=60,
+        websocket_max_message_size=LARGEST_UPLOAD,
+        check_unused_sessions_milliseconds=_CHECKED_MS,
+        unused_session_lifetime_milliseconds=_CLOSED_MS,
+        keep_alive_milliseconds=5000,
+    )
+    # Bokeh allows localhost by default; only the address that is printed is meant. With a free port it is known now.
+    server._tornado._websocket_origins = {f"{HOST}:{server.port}"}
+    server.start()
+    return server, f"http://{HOST}:{server.port}/{token}/"
+
+
+def serve(folder: Path, shown: Callable[[str], None], *, port: int = 0, threads: int | None = None) -> None:
+    """Serve the page of a folder until its last tab is closed or Ctrl-C; `shown` gets the address."""
+    loop = IOLoop()
+    server, address = page_server(folder, ended=loop.stop, loop=loop, port=port, threads=threads)
+    shown(address)
+    try:
+        loop.start()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        server.stop()
