@@ -3,25 +3,12 @@
 from __future__ import annotations
 
 from html import escape
-from typing import Protocol
 
 from bokeh.layouts import column, row
 from bokeh.models import TextAreaInput
 
 from receptance.app import look
-from receptance.app.session import Session
-
-
-class PageOfView(Protocol):
-    """What a view needs of its page."""
-
-    session: Session
-
-    def say(self, text: str) -> None:
-        """Show a line of text."""
-
-    def remember(self, **state: str) -> None:
-        """Keep state in the address."""
+from receptance.app.view import PageOfView
 
 
 class FileView:

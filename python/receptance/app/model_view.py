@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from bokeh.layouts import column, row
 
 from receptance.app import look
 from receptance.app.controls import Controls
 from receptance.app.records_view import RecordsView
+from receptance.app.view import PageOfView
 
 
 class ModelView:
@@ -16,10 +15,10 @@ class ModelView:
 
     title = "Model"
 
-    def __init__(self, page: Any) -> None:
+    def __init__(self, page: PageOfView) -> None:
         self._session = page.session
         self._misfit = look.status()
-        self._controls = Controls(page.session, page.say, page.doc.add_next_tick_callback)
+        self._controls = Controls(page.session, page.say, page.later)
         self._records = RecordsView(page.session, page.remember, page.query.get("quantity", ""))
         self.layout = row(
             self._controls.layout,

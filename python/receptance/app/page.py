@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from html import escape
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlencode
 
 from bokeh.document import Document as BokehDocument
@@ -17,6 +18,7 @@ from receptance.app.document import CAMPAIGN_FILE, ConflictError
 from receptance.app.file_view import FileView
 from receptance.app.model_view import ModelView
 from receptance.app.session import Session
+from receptance.app.view import View
 
 _POLL_MS = 200
 """Time between two looks at a running calculation in ms."""
@@ -42,7 +44,7 @@ class CampaignPage:
         doc.theme, doc.title, doc.template = look.theme(dark), "receptance", look.template()
         doc.template_variables.update(dark=dark, c=look.palette(dark))
         self._open(self.query.get("file", CAMPAIGN_FILE))
-        self.views = {"model": ModelView(self), "file": FileView(self)}
+        self.views: dict[str, View] = {"model": ModelView(self), "file": FileView(self)}
         panels = [TabPanel(title=view.title, child=view.layout) for view in self.views.values()]
         names = list(self.views)
         start = "model" if self.session.trial is not None else "file"
@@ -93,6 +95,10 @@ class CampaignPage:
         """Keep state in the address; empty values are left out."""
         self.query = {name: value for name, value in {**self.query, **state}.items() if value}
         self.status.tags = [urlencode(self.query)]
+
+    def later(self, call: Callable[[], Any]) -> None:
+        """Call a function in the next turn of the server's loop."""
+        self.doc.add_next_tick_callback(call)
 
     def _poll(self) -> None:
         work = self.session.work

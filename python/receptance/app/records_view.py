@@ -103,7 +103,7 @@ class RecordsView:
         self._moving = ColumnDataSource(self._columns(records), name="moving")
         lines = [record.observation.frequency_hz.real for record in records.values()]
         ends = (min(map(np.min, lines)), max(map(np.max, lines))) if lines else (0.0, 1.0)
-        self._axis = Range1d(*map(float, ends), bounds=None)
+        self._axis = Range1d(float(ends[0]), float(ends[1]))
         blocks = [self._block(name, record, number) for number, (name, record) in enumerate(records.items())]
         pairs = [blocks[i : i + 2] for i in range(0, len(blocks), 2)]
         self._figures.children = [row(*pair, sizing_mode="stretch_width") for pair in pairs]
@@ -111,9 +111,9 @@ class RecordsView:
     def _block(self, name: str, record: TrialRecord, number: int) -> LayoutDOM:
         quantity, seen = QUANTITIES[self._quantity.value], record.observation
         unit = units.frf_unit(units.FRFKind("receptance", seen.response.direction, seen.excitation.direction))
-        scale = {"y_axis_type": "log"} if quantity.is_logarithmic else {}
+        scale = "log" if quantity.is_logarithmic else "linear"
         title = f"{name}{', held out' if record.held_out else ''}"
-        top = look.curve_figure(title, "", quantity.label.format(unit=unit), x_range=self._axis, **scale)
+        top = look.curve_figure(title, "", quantity.label.format(unit=unit), x_range=self._axis, y_axis_type=scale)
         measured = ColumnDataSource({"f": seen.frequency_hz.real, "measured": quantity.of(seen.receptance)})
         top.line("f", "measured", source=measured, color=look.MEASURED, line_width=1.6, legend_label="measured")
         top.line(f"f{number}", f"model{number}", source=self._moving, color=look.MODEL, line_width=1.6,

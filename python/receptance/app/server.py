@@ -30,7 +30,7 @@ _RELOAD_S = 1.5
 """Time in s that a reload may take before the server of the last tab ends."""
 
 
-class _AtOnce(WSHandler):
+class _AtOnce(WSHandler):  # type: ignore[misc]
     """A websocket that sends at once: Nagle's algorithm delays each answer to a slider by 40 ms."""
 
     def open(self) -> None:
@@ -38,7 +38,7 @@ class _AtOnce(WSHandler):
         super().open()
 
 
-class _Tabs(Handler):
+class _Tabs(Handler):  # type: ignore[misc]
     """Makes the page of each tab, and calls `ended` after the last one is closed."""
 
     def __init__(self, folder: Path, ended: Callable[[], None], loop: IOLoop, threads: int | None) -> None:

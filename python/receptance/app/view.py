@@ -1,0 +1,35 @@
+"""What a view has, and what it needs of its page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from bokeh.models import LayoutDOM
+
+from receptance.app.session import Session
+
+
+class View(Protocol):
+    """A view of a page."""
+
+    title: str
+    """Name of its tab."""
+    layout: LayoutDOM
+
+
+class PageOfView(Protocol):
+    """What a view needs of its page."""
+
+    session: Session
+    query: dict[str, str]
+    """State in the address."""
+
+    def say(self, text: str) -> None:
+        """Show a line of text below the header."""
+
+    def remember(self, **state: str) -> None:
+        """Keep state in the address; empty values are left out."""
+
+    def later(self, call: Callable[[], Any]) -> None:
+        """Call a function in the next turn of the server's loop."""
