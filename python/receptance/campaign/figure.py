@@ -35,7 +35,8 @@ from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.figure import Drawing, Mark, draw_assemblies
 from receptance.model.terminals import ModalPart, Mode
-from receptance.report.figure import BAND, INK, PALE, finished, panels, surface, title_left
+from receptance.report.colours import BAND, INK, PALE
+from receptance.report.figure import finished, panels, surface, title_left
 from receptance.sweep.figure import draw_misfit
 
 _MOST_OF_CAMPAIGN = 3

@@ -9,18 +9,8 @@ from matplotlib.figure import Figure
 from receptance.catalogue.prediction import ToolPrediction
 from receptance.catalogue.results import CatalogueSummary
 from receptance.fit.figure import OPEN
-from receptance.report.figure import (
-    COLOURS,
-    INK,
-    PALE,
-    add_legend,
-    finished,
-    label_point,
-    new_figure,
-    plain_ticks,
-    set_up,
-    surface,
-)
+from receptance.report.colours import COLOURS, INK, PALE
+from receptance.report.figure import add_legend, finished, label_point, new_figure, plain_ticks, set_up, surface
 
 _LARGEST_WITH_NAMES, _LARGEST_WITH_BARS = 15, 80
 """Largest numbers of tools with names and with intervals."""

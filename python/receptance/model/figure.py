@@ -17,7 +17,8 @@ from receptance.model.beams import Material, Part, Section, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring, PointMass, Resonator
 from receptance.model.modes import ModeShapes
-from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, panels, set_up, surface, title_left
+from receptance.report.colours import COLOURS, INK, PALE
+from receptance.report.figure import add_legend, finished, panels, set_up, surface, title_left
 from receptance.report.table import percent
 
 _WIDTH = 9.0

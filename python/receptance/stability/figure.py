@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, label_point, panels, set_up, surface
+from receptance.report.colours import COLOURS, INK, PALE
+from receptance.report.figure import add_legend, finished, label_point, panels, set_up, surface
 from receptance.stability.lobes import Lobes, Stability, StableCut
 
 _SPEED = "spindle speed (1000 rpm)"
