@@ -36,7 +36,7 @@ class _Control:
             start=low, end=high, value=low, step=(high - low) / _STEPS, show_value=False, title=unknown.name,
             sizing_mode="stretch_width", tooltips=False,
         )  # fmt: skip
-        self._hold = Checkbox(label="hold", active=False, width=60)
+        self._hold = Checkbox(label="hold", name=f"hold {unknown.name}", active=False, width=60)
         self._is_shown = False
         self._slider.on_change("value", self._changed)
         self._hold.on_change("active", lambda attr, old, new: held(unknown.name, new))

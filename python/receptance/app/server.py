@@ -13,7 +13,10 @@ from typing import Any
 
 from bokeh.application import Application
 from bokeh.application.handlers import Handler
+from bokeh.core.validation import silence
+from bokeh.core.validation.warnings import EMPTY_LAYOUT
 from bokeh.document import Document as Page
+from bokeh.events import DocumentReady
 from bokeh.server.server import Server
 from bokeh.server.urls import per_app_patterns
 from bokeh.server.views.ws import WSHandler
@@ -24,18 +27,23 @@ from receptance.app.page import CampaignPage
 HOST = "127.0.0.1"
 LARGEST_UPLOAD = 100 << 20
 """Largest message of a browser in bytes: files that are dropped arrive in one."""
-_CLOSED_MS, _CHECKED_MS = 2000, 500
-"""Time after which a closed tab ends its session, and between two checks, in ms."""
+_UNOPENED_MS, _CHECKED_MS = 60_000, 500
+"""Time that a browser has to load the page and connect, and between two checks, in ms."""
 _RELOAD_S = 1.5
 """Time in s that a reload may take before the server of the last tab ends."""
 
 
 class _AtOnce(WSHandler):  # type: ignore[misc]
-    """A websocket that sends at once: Nagle's algorithm delays each answer to a slider by 40 ms."""
+    """A websocket that sends at once, and ends its session when it closes."""
 
     def open(self) -> None:
-        self.set_nodelay(True)
+        self.set_nodelay(True)  # Nagle's algorithm delays each answer to a slider by 40 ms
         super().open()
+
+    def on_close(self) -> None:
+        if self.connection is not None:
+            self.connection.session.request_expiration()  # those that wait for their browser have more time
+        super().on_close()
 
 
 class _Tabs(Handler):  # type: ignore[misc]
@@ -45,6 +53,8 @@ class _Tabs(Handler):  # type: ignore[misc]
         super().__init__()
         self._folder, self._ended, self._loop, self._threads = folder, ended, loop, threads
         self._pages: dict[str, CampaignPage] = {}
+        self._was_shown = False
+        """Whether a browser has shown a page: one that only asked for it, such as a preview of links, ends nothing."""
 
     def modify_document(self, doc: Page) -> None:
         """Fill the page of a new tab."""
@@ -54,13 +64,17 @@ class _Tabs(Handler):  # type: ignore[misc]
         page = CampaignPage(doc, self._folder, query, threads=self._threads)
         if context is not None:
             self._pages[str(context.id)] = page
+        doc.on_event(DocumentReady, self._shown)
+
+    def _shown(self, event: DocumentReady) -> None:
+        self._was_shown = True
 
     async def on_session_destroyed(self, session_context: Any) -> None:
         """End the calculations of a tab, and the server with the last one."""
         page = self._pages.pop(str(session_context.id), None)
         if page is not None:
             page.close()
-        if not self._pages:
+        if self._was_shown and not self._pages:
             self._loop.call_later(_RELOAD_S, lambda: None if self._pages else self._ended())
 
 
@@ -82,6 +96,7 @@ def page_server(
     threads : int, optional
         As in `Campaign.load`.
     """
+    silence(EMPTY_LAYOUT, True)  # parts of a view that have nothing to show yet
     token = secrets.token_urlsafe(24)
     per_app_patterns[:] = [(path, _AtOnce if view is WSHandler else view) for path, view in per_app_patterns]
     chosen = loop or IOLoop()
@@ -95,7 +110,7 @@ def page_server(
         session_token_expiration=60,
         websocket_max_message_size=LARGEST_UPLOAD,
         check_unused_sessions_milliseconds=_CHECKED_MS,
-        unused_session_lifetime_milliseconds=_CLOSED_MS,
+        unused_session_lifetime_milliseconds=_UNOPENED_MS,
         keep_alive_milliseconds=5000,
     )
     # Bokeh allows localhost by default; only the address that is printed is meant. With a free port it is known now.
@@ -107,11 +122,14 @@ def page_server(
 def serve(folder: Path, shown: Callable[[str], None], *, port: int = 0, threads: int | None = None) -> None:
     """Serve the page of a folder until its last tab is closed or Ctrl-C; `shown` gets the address."""
     loop = IOLoop()
-    server, address = page_server(folder, ended=loop.stop, loop=loop, port=port, threads=threads)
-    shown(address)
     try:
-        loop.start()
-    except KeyboardInterrupt:
-        pass
+        server, address = page_server(folder, ended=loop.stop, loop=loop, port=port, threads=threads)
+        try:
+            shown(address)
+            loop.start()
+        except KeyboardInterrupt:
+            pass
+        finally:
+            server.stop()
     finally:
-        server.stop()
+        loop.close()
