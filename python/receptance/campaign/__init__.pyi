@@ -11,6 +11,8 @@ from .comparison import Comparison as Comparison
 from .cuts import CampaignCut as CampaignCut
 from .cuts import Tip as Tip
 from .data import CampaignData as CampaignData
+from .measured_lines import MeasuredLines as MeasuredLines
+from .measured_lines import measured_modes as measured_modes
 from .prediction import Prediction as Prediction
 from .prediction import predict_assembly as predict_assembly
 from .problems import CampaignError as CampaignError
