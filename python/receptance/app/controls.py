@@ -87,7 +87,7 @@ class Controls:
             self._address,
             self._sliders,
             width=360,
-            stylesheets=[":host { max-height: 92vh; overflow-y: auto; }"],
+            styles={"max-height": "92vh", "overflow-y": "auto"},
         )
 
     def reset(self) -> None:

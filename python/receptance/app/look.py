@@ -7,7 +7,7 @@ from html import escape
 from importlib import resources
 from typing import Any
 
-from bokeh.models import Button, CustomJS, Div
+from bokeh.models import Button, CustomJS, Div, InlineStyleSheet
 from bokeh.plotting import figure
 from bokeh.themes import Theme
 
@@ -20,16 +20,24 @@ _DARK = {
     "panel": "#1D2327",
     "ink": "#E8E8E8",
     "pale": "#3A434A",
+    "edge": "#77828A",
+    "soft": "#B4BDC3",
     "accent": "#56B4E9",
     "on": "#0B1216",
+    "bad": "#FF9A80",
+    "cross": "invert(1)",
 }
 _LIGHT = {
     "paper": "#FFFFFF",
     "panel": "#F5F7F8",
     "ink": "#16191B",
     "pale": "#D8DDE0",
+    "edge": "#8A949B",
+    "soft": "#565F66",
     "accent": "#0B5394",
     "on": "#FFFFFF",
+    "bad": "#A61B1B",
+    "cross": "none",
 }
 
 
@@ -48,6 +56,7 @@ def theme(dark: bool) -> Theme:
     return Theme(
         json={
             "attrs": {
+                "LayoutDOM": {"stylesheets": [InlineStyleSheet(css=_resource("widgets.css"))]},
                 "figure": {
                     "background_fill_color": c["panel"],
                     "border_fill_color": c["paper"],
