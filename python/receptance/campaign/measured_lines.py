@@ -1,18 +1,15 @@
-"""All lines of a measured FRF, and why a fit does not use some of them; the modes of a record."""
+"""All lines of a measured FRF, and why a fit does not use some of them."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from receptance.errors import ReceptanceWarning
 from receptance.fit import Observation
 from receptance.frf import FRF
-from receptance.modal import ModalFit, fit_modes
 from receptance.model.terminals import Terminal
 
 
@@ -41,7 +38,9 @@ class MeasuredLines:
     """The lines `(n,)` that are not used, by reason. A line has one reason; reasons without lines are left out."""
 
     @classmethod
-    def of(cls, frf: FRF, used: Observation, bands: Sequence[Sequence[float]] | None, integrations: int) -> MeasuredLines:
+    def of(
+        cls, frf: FRF, used: Observation, bands: Sequence[Sequence[float]] | None, integrations: int
+    ) -> MeasuredLines:
         """Return the lines of an FRF of which an observation has some.
 
         Parameters
@@ -83,23 +82,3 @@ def inside_bands(frequency_hz: NDArray[np.float64], bands: Sequence[Sequence[flo
     for low, high in bands:
         inside |= (frequency_hz >= low) & (frequency_hz <= high)
     return inside
-
-
-def measured_modes(observation: Observation) -> ModalFit:
-    """Return the modes of a measured receptance, by `receptance.modal.fit_modes` with its weights.
-
-    Raises
-    ------
-    ValueError
-        It has too few lines, or no mode.
-    """
-    deviation = observation.standard_deviation
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ReceptanceWarning)  # the notes of the fit have the same texts
-        frf = FRF(
-            frequency_hz=observation.frequency_hz.real,
-            values=observation.receptance,
-            decay_rate=float(-2.0 * np.pi * np.median(observation.frequency_hz.imag)) or 0.0,
-            log_variance=None if deviation is None else np.square(deviation),
-        )
-        return fit_modes(frf)
