@@ -16,7 +16,7 @@ from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import fit_inputs
 from receptance.campaign.stability import stability_of_campaign
 from receptance.diagnosis import Cause
-from receptance.diagnosis.by_mode import modes_of
+from receptance.diagnosis.by_mode import measured_modes
 from receptance.diagnosis.causes import CauseMove, CauseUnknown, Variant, extend
 from receptance.diagnosis.changes import overhangs_of
 from receptance.diagnosis.model import Model
@@ -368,7 +368,9 @@ class Trial:
         upper = float(seen.frequency_hz[-1].real)
         damped = damped_modes(assembly, upper, response=seen.response, excitation=seen.excitation)
         # A peak without width, or with that of a negative damping, is noise.
-        measured = [(mode.frequency_hz, mode.damping_ratio) for mode in modes_of(seen) if mode.damping_ratio > 0.0]
+        measured = [
+            (mode.frequency_hz, mode.damping_ratio) for mode in measured_modes(seen) if mode.damping_ratio > 0.0
+        ]
         calculated = list(zip(damped.frequency_hz.tolist(), damped.damping_ratio.tolist(), strict=True))
         none = (math.nan, math.nan)
         return [

@@ -127,7 +127,7 @@ def _at_frequencies(observation: Observation, curve: Curve) -> list[ModeResidual
     ]
 
 
-def modes_of(observation: Observation) -> tuple[ModeEstimate, ...]:
+def measured_modes(observation: Observation) -> tuple[ModeEstimate, ...]:
     """Return the modes of a measured receptance, without peaks of noise in antiresonances."""
     deviation = observation.standard_deviation
     return _modes(
