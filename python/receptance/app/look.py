@@ -7,35 +7,50 @@ from html import escape
 from importlib import resources
 from typing import Any
 
-from bokeh.models import Button, CustomJS, Div
+from bokeh.models import Button, CustomJS, Div, InlineStyleSheet
 from bokeh.plotting import figure
 from bokeh.themes import Theme
 
-from receptance.report.colours import COLOURS
+from receptance.report.colours import COLOURS, INK
 
-MEASURED, MODEL, DIFFERENCE, UNUSED = "#7F7F7F", COLOURS[0], COLOURS[1], "#BDBDBD"
-"""Colours of curves, safe for colour-blind readers (Okabe and Ito) on light and dark."""
+MEASURED, MODEL, DIFFERENCE, UNUSED = "#7F7F7F", "#2485C7", COLOURS[1], "#A9A9A9"
+"""Colours of curves, safe for colour-blind readers (hues of Okabe and Ito), with a contrast of 3 on light and dark."""
+_ON_DARK = dict(zip((*COLOURS, INK), ("#6CBDEE", "#F5893F", "#35C79A", "#E7A6CB", "#F0B93A", "#E8E8E8"), strict=True))
+"""What is light enough for text on dark, in place of the colours of figures."""
 _DARK = {
     "paper": "#15191C",
     "panel": "#1D2327",
     "ink": "#E8E8E8",
     "pale": "#3A434A",
+    "edge": "#77828A",
+    "soft": "#B4BDC3",
     "accent": "#56B4E9",
     "on": "#0B1216",
+    "bad": "#FF9A80",
+    "cross": "invert(1)",
 }
 _LIGHT = {
     "paper": "#FFFFFF",
     "panel": "#F5F7F8",
     "ink": "#16191B",
     "pale": "#D8DDE0",
+    "edge": "#8A949B",
+    "soft": "#565F66",
     "accent": "#0B5394",
     "on": "#FFFFFF",
+    "bad": "#A61B1B",
+    "cross": "none",
 }
 
 
 def palette(dark: bool) -> dict[str, str]:
     """Return the colours of a page by what they colour."""
     return _DARK if dark else _LIGHT
+
+
+def readable(colour: str, dark: bool) -> str:
+    """Return the colour of a figure, or what is in its place on dark."""
+    return _ON_DARK.get(colour, colour) if dark else colour
 
 
 def theme(dark: bool) -> Theme:
@@ -48,6 +63,8 @@ def theme(dark: bool) -> Theme:
     return Theme(
         json={
             "attrs": {
+                "LayoutDOM": {"stylesheets": [InlineStyleSheet(css=_resource("widgets.css"))]},
+                "AbstractSlider": {"bar_color": c["accent"]},
                 "figure": {
                     "background_fill_color": c["panel"],
                     "border_fill_color": c["paper"],
@@ -97,8 +114,10 @@ def text(html: str = "", *, role: str = "", classes: Sequence[str] = ()) -> Div:
 
 
 def status() -> Div:
-    """Return a line that a screen reader reads when it changes."""
-    return text(role="status", classes=["status"])
+    """Return a line that a screen reader reads when it changes; it takes no room while it is empty."""
+    made = text(role="status", classes=["status"])
+    made.margin = (0, 5, 0, 5)
+    return made
 
 
 def button(label: str, call: Any, *, primary: bool = False, width: int = 110) -> Button:

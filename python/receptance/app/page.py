@@ -75,9 +75,9 @@ class CampaignPage:
     def _show_name(self) -> None:
         document = self.session.document
         campaign = self.session.campaign
-        title = "" if campaign is None else f"<b>{escape(campaign.title)}</b> "
+        title = "receptance" if campaign is None else escape(campaign.title)
         name = "" if document is None else f"{escape(document.file.name)}{', not saved' if document.is_changed else ''}"
-        self._name.text = title + name
+        self._name.text = f"<h1>{title} <small>{name}</small></h1>"
         self._save.disabled = document is None or not document.is_changed
 
     def _saved(self) -> None:
@@ -96,9 +96,12 @@ class CampaignPage:
         self.query = {name: value for name, value in {**self.query, **state}.items() if value}
         self.status.tags = [urlencode(self.query)]
 
-    def later(self, call: Callable[[], Any]) -> None:
-        """Call a function in the next turn of the server's loop."""
-        self.doc.add_next_tick_callback(call)
+    def later(self, call: Callable[[], Any], milliseconds: int = 0) -> None:
+        """Call a function in the next turn of the server's loop, or after a time; threads may call this."""
+        if milliseconds:
+            self.doc.add_timeout_callback(call, milliseconds)
+        else:
+            self.doc.add_next_tick_callback(call)
 
     def _poll(self) -> None:
         work = self.session.work

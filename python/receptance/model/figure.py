@@ -220,13 +220,13 @@ class Sketch:
         self.above = _LabelRows(self.radius + gap, _ROW * scale, scale, ends)
         self.below = _LabelRows(-self.radius - gap, -_ROW * scale, scale, ends)
         self.bodies: list[Body] = []
-        self.joints: list[tuple[float, float, float]] = []
-        """x, length, radius."""
+        self.joints: list[tuple[float, float, float, str]] = []
+        """x, length, radius, name."""
         self.labels: list[_Label] = []
         self.spans: list[tuple[float, float, float]] = []
         """Ends and height of a dimension line."""
-        self.symbols: list[tuple[float, float, str, str]] = []
-        """x, y, kind and colour."""
+        self.symbols: list[tuple[float, float, str, str, str]] = []
+        """x, y, kind, colour, and the name of an attachment or the text of a mark."""
         self.starts: dict[str, float] = {}
         self._lay_out()
 
@@ -253,7 +253,7 @@ class Sketch:
                     self._add_section(x, length, section, (diameters, diameters))
                 self._label_below(x, length, f"{length:.4g}")
                 half = 0.5 * _MM * element.shank.outer_diameter
-                self.joints.append((x, length, half))
+                self.joints.append((x, length, half, name))
                 joints.append((x + 0.5 * length, name, half))
             elif element.role == "spindle":
                 width = _spindle_length(assembly)
@@ -261,7 +261,7 @@ class Sketch:
                 names.append((x, x + width, name))
             else:
                 half = self._radius_at(x)
-                self.joints.append((x, 0.0, half))
+                self.joints.append((x, 0.0, half, name))
                 joints.append((x, name, half))
             self.bodies[first_body:] = [body._replace(element=name) for body in self.bodies[first_body:]]
             x += length
@@ -352,18 +352,18 @@ class Sketch:
             if isinstance(attachment, GroundSpring):
                 for point in along:
                     at, radius = self._place(part, point)
-                    self.symbols.append((at, -radius, "ground", COLOURS[2]))
+                    self.symbols.append((at, -radius, "ground", COLOURS[2], name))
                 self._label(middle, -half, name, COLOURS[2])
                 continue
             text = f"{name} {_grams(attachment.mass)}" if isinstance(attachment, (PointMass, Resonator)) else name
-            self.symbols.append((middle, half, "mass", COLOURS[3]))
+            self.symbols.append((middle, half, "mass", COLOURS[3], name))
             self._label(middle, half, text, COLOURS[3])
 
     def _add_mark(self, mark: Mark) -> None:
         x, half = self._place(mark.at.part, mark.at.position)
         # The sensor is opposite to the hit, so that both are visible at one coordinate.
         y = half if mark.kind == "excitation" else -half
-        self.symbols.append((x, y, mark.kind, COLOURS[0]))
+        self.symbols.append((x, y, mark.kind, COLOURS[0], mark.text))
         self._label(x, y, mark.text, COLOURS[0])
 
     def draw(self, axes: Axes) -> None:
@@ -373,7 +373,7 @@ class Sketch:
         bar = {"arrowstyle": "|-|,widthA=0.18,widthB=0.18", "color": INK, "linewidth": 0.6, "shrinkA": 0, "shrinkB": 0}
         for low, high, y in self.spans:
             axes.annotate("", (low, y), (high, y), arrowprops=bar)
-        for x, y, kind, colour in self.symbols:
+        for x, y, kind, colour, _ in self.symbols:
             self._draw_symbol(axes, x, y, kind, colour)
         white = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none"}
         for label in self.labels:
@@ -400,7 +400,7 @@ class Sketch:
         for body in self.bodies:
             style = {"facecolor": body.fill, "edgecolor": INK, "linewidth": body.edge, "hatch": body.hatch, "zorder": 2}
             axes.add_patch(Polygon(body.corners(), closed=True, **style))
-        for x, length, half in self.joints:
+        for x, length, half, _ in self.joints:
             for side in (-half, half) if length else (0.0,):
                 ends = ([x, x + length], [side, side]) if length else ([x, x], [-half, half])
                 axes.plot(*ends, color=COLOURS[1], linewidth=2.4, zorder=4, solid_capstyle="butt")
