@@ -66,7 +66,9 @@ class _Control:
         scaled = self._scaled(value)
         if abs(scaled - self._slider.value) > 0.5 * self._slider.step:
             self._slider.value = scaled
-        self._label.text = f"{escape(self.unknown.name)} <b>{escape(_value_text(trial, self.unknown))}</b>"
+        text = _value_text(trial, self.unknown)
+        self._label.text = f"{escape(self.unknown.name)} <b>{escape(text)}</b>"
+        self._slider.tags = [text]  # what a screen reader says
         self._is_shown = False
 
 

@@ -5,9 +5,8 @@ const label = (view, plot) => {
   if (model.x_range) plot = model;
   const name = String(model.title?.text || model.title || model.name || plot?.title?.text || plot?.name || "curves");
   const each = (selector, call) => root?.querySelectorAll(selector).forEach(call);
-  const [what, value] = name.split(" = ");
   each("[role=slider]", handle => {
-    handle.setAttribute("aria-label", what); handle.setAttribute("aria-valuetext", value ?? String(model.value)); });
+    handle.setAttribute("aria-label", name); handle.setAttribute("aria-valuetext", model.tags[0] ?? String(model.value)); });
   each("input[type=checkbox]", box => box.setAttribute("aria-label", model.name || model.label));
   each("input.choices__input", input => { input.setAttribute("aria-label", name); input.removeAttribute("role"); });
   each(".choices__list--multiple > *", item => item.removeAttribute("aria-selected"));
@@ -31,7 +30,9 @@ const label = (view, plot) => {
       if (next) { next.focus(); next.click(); } } });
   if (root && !view.is_watched) {
     view.is_watched = true;
-    new MutationObserver(() => requestAnimationFrame(() => label(view, plot))).observe(root, { childList: true, subtree: true }); }
+    const again = () => requestAnimationFrame(() => label(view, plot));
+    new MutationObserver(again).observe(root, { childList: true, subtree: true });
+    model.properties.tags.change.connect(again); }
   for (const child of [...view.child_views ?? [], view.canvas_view ?? [], ...view._tool_views?.values?.() ?? []].flat())
     label(child, plot);
 };
