@@ -255,7 +255,8 @@ class Trial:
         end = problem.fit_one(variables.vector_of(self.values), _EVALUATIONS, free=free)
         if not np.isfinite(end.cost):
             raise ReceptanceError(f"the model has no value here: {problem.reason(end.x)}")
-        return replace(self, values=MappingProxyType({**self.values, **problem.named(end.x)}))
+        fitted = {name: value for name, value in problem.named(end.x).items() if name not in held}
+        return replace(self, values=MappingProxyType({**self.values, **fitted}))
 
     # What the model says at these values.
 
