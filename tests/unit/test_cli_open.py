@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import socket
 import threading
@@ -61,6 +62,7 @@ def test_a_port_that_is_taken_is_named(tmp_path: Path, capsys: pytest.CaptureFix
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         assert call("open", tmp_path, "--port", port, "--no-browser") == 2
+    gc.collect()
     message = _message(capsys)
     assert f"--port is {port}: " in message
     assert "leave it out for a free port" in message
@@ -88,3 +90,9 @@ def test_the_address_is_printed_and_opened(
     assert call("open", tmp_path, *options) == 0
     assert capsys.readouterr().out == "http://127.0.0.1:1/token/\n"
     assert opened == ([] if options else ["http://127.0.0.1:1/token/"])
+
+
+def test_the_page_of_a_campaign_needs_a_notebook(tmp_path: Path) -> None:
+    receptance.examples.write("er32", tmp_path)
+    with pytest.raises(receptance.ReceptanceError, match=f"in a terminal: receptance open {tmp_path}"):
+        receptance.campaign.load(tmp_path).open()

@@ -7,8 +7,6 @@ from html import escape
 from pathlib import Path
 from urllib.parse import urlencode
 
-from tornado.ioloop import IOLoop
-
 from receptance.app.server import page_server
 from receptance.errors import ReceptanceError
 
@@ -33,9 +31,7 @@ class NotebookPage:
                 f"a page is shown by a notebook, and this is none; in a terminal: receptance open {file.parent}"
             ) from None
         # It does not end with its last tab: notebooks remove outputs that are scrolled away, and show them again.
-        self._server, address = page_server(
-            file.parent, ended=lambda: None, loop=IOLoop.current(), threads=threads
-        )  # fmt: skip
+        self._server, address = page_server(file.parent, ended=lambda: None, threads=threads)
         self.address = f"{address}?{urlencode({'file': file.name})}"
 
     def close(self) -> None:

@@ -6,8 +6,10 @@ are refused. Scripts come from the installed Bokeh, so that nothing is loaded fr
 
 from __future__ import annotations
 
+import asyncio
 import secrets
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -49,9 +51,9 @@ class _AtOnce(WSHandler):  # type: ignore[misc]
 class _Tabs(Handler):  # type: ignore[misc]
     """Makes the page of each tab, and calls `ended` after the last one is closed."""
 
-    def __init__(self, folder: Path, ended: Callable[[], None], loop: IOLoop, threads: int | None) -> None:
+    def __init__(self, folder: Path, ended: Callable[[], None], threads: int | None) -> None:
         super().__init__()
-        self._folder, self._ended, self._loop, self._threads = folder, ended, loop, threads
+        self._folder, self._ended, self._threads = folder, ended, threads
         self._pages: dict[str, CampaignPage] = {}
         self._was_shown = False
         """Whether a browser has shown a page: one that only asked for it, such as a preview of links, ends nothing."""
@@ -75,13 +77,13 @@ class _Tabs(Handler):  # type: ignore[misc]
         if page is not None:
             page.close()
         if self._was_shown and not self._pages:
-            self._loop.call_later(_RELOAD_S, lambda: None if self._pages else self._ended())
+            IOLoop.current().call_later(_RELOAD_S, lambda: None if self._pages else self._ended())
 
 
 def page_server(
-    folder: Path, *, ended: Callable[[], None], loop: IOLoop | None = None, port: int = 0, threads: int | None = None
+    folder: Path, *, ended: Callable[[], None], port: int = 0, threads: int | None = None
 ) -> tuple[Server, str]:
-    """Return a started server of a folder, and the address of its page.
+    """Return a server of a folder in the running event loop, and the address of its page.
 
     Parameters
     ----------
@@ -89,8 +91,6 @@ def page_server(
         The folder: no file outside of it is read or written.
     ended : callable
         Called after the last tab was closed.
-    loop : IOLoop, optional
-        That of a notebook; by default a new one, which the caller starts.
     port : int, optional
         Port; by default a free one.
     threads : int, optional
@@ -99,11 +99,10 @@ def page_server(
     silence(EMPTY_LAYOUT, True)  # parts of a view that have nothing to show yet
     token = secrets.token_urlsafe(24)
     per_app_patterns[:] = [(path, _AtOnce if view is WSHandler else view) for path, view in per_app_patterns]
-    chosen = loop or IOLoop()
-    tabs = _Tabs(folder, ended, chosen, threads)
+    tabs = _Tabs(folder, ended, threads)
     server = Server(
         {"/": Application(tabs)},
-        io_loop=chosen,
+        io_loop=IOLoop.current(),
         address=HOST,
         port=port,
         prefix=token,
@@ -121,15 +120,15 @@ def page_server(
 
 def serve(folder: Path, shown: Callable[[str], None], *, port: int = 0, threads: int | None = None) -> None:
     """Serve the page of a folder until its last tab is closed or Ctrl-C; `shown` gets the address."""
-    loop = IOLoop()
-    try:
-        server, address = page_server(folder, ended=loop.stop, loop=loop, port=port, threads=threads)
+
+    async def served() -> None:
+        ended = asyncio.Event()
+        server, address = page_server(folder, ended=ended.set, port=port, threads=threads)
         try:
             shown(address)
-            loop.start()
-        except KeyboardInterrupt:
-            pass
+            await ended.wait()
         finally:
             server.stop()
-    finally:
-        loop.close()
+
+    with suppress(KeyboardInterrupt):
+        asyncio.run(served())
