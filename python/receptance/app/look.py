@@ -97,10 +97,11 @@ def _resource(name: str) -> str:
 
 
 def curve_figure(title: str, x: str, y: str, height: int = 220, **options: Any) -> Any:
-    """Return an empty figure of curves over a common axis, with wheel and box zoom along x."""
+    """Return an empty figure of curves over a common axis, by default with wheel and box zoom along x."""
+    tools = options.pop("tools", "xpan,xwheel_zoom,xbox_zoom,reset,save")
     made = figure(
-        title=title, x_axis_label=x, y_axis_label=y, height=height, sizing_mode="stretch_width",
-        tools="xpan,xwheel_zoom,xbox_zoom,reset,save", active_drag="xbox_zoom", **options,
+        title=title or None, x_axis_label=x or None, y_axis_label=y or None, height=height, tools=tools,
+        sizing_mode="stretch_width", active_drag="xbox_zoom" if "xbox_zoom" in tools else None, **options,
     )  # fmt: skip
     made.toolbar.logo = None
     made.toolbar.autohide = True
