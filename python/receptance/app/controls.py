@@ -41,7 +41,7 @@ class _Control:
         )  # fmt: skip
         self._label = look.text(classes=["label"])
         self._label.margin = (4, 5, 0, 5)
-        self._hold = Checkbox(label="hold", active=holds, width=56, margin=(4, 0, 0, 5))
+        self._hold = Checkbox(label="hold", active=holds, width=56, margin=(4, 0, 0, 5), name=f"hold {unknown.name}")
         self._is_shown, self._value = False, math.nan
         self._slider.on_change("value", self._changed)
         self._hold.on_change("active", lambda attr, old, new: held(unknown.name, new))
@@ -95,6 +95,7 @@ class Controls:
         self._pending: dict[str, float] = {}
         self._controls: dict[str, _Control] = {}
         self._sliders = column(sizing_mode="stretch_width")
+        self._sliders.js_on_change("children", look.labels())
         causes = [(_NO_CAUSE, _NO_CAUSE), *((id, cause.title) for id, cause in CATALOGUE.items())]
         self._cause = Select(title="What would this do?", options=causes, value=_NO_CAUSE, sizing_mode="stretch_width")
         self._variant = Select(title="Where", options=[], visible=False, sizing_mode="stretch_width")

@@ -63,6 +63,7 @@ class RecordsView:
         self._chosen.on_change("value", self._rebuild)
         self._moving = ColumnDataSource()
         self._figures = column(sizing_mode="stretch_width")
+        self._figures.js_on_change("children", look.labels())
         self._tables: dict[str, Div] = {}
         self._frequencies = look.text()
         self.layout = column(row(self._quantity, self._chosen, sizing_mode="stretch_width"), self._figures,

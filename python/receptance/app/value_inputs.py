@@ -12,7 +12,7 @@ from receptance.app import look
 from receptance.app.values import FileValue, values_of
 from receptance.app.view import PageOfView
 
-_WIDTH = 190
+_WIDTH = 240
 """Width of an input in pixels."""
 
 
