@@ -103,15 +103,15 @@ class AssemblyView:
         shapes = look.curve_figure("", "distance from the tip (mm)", "y (1/√kg)", height=190, tools="save", **options)
         shapes.name = "mode shapes"
         self._shapes = ColumnDataSource({"x": [], **{f"y{i}": [] for i in range(_SHAPES)}})
-        self._legend = Legend(orientation="horizontal", items=[], spacing=14, margin=2)
-        self._curves = [
+        curves = [
             shapes.line(
                 "x", f"y{i}", source=self._shapes, line_width=2,
                 color=look.readable(COLOURS[i], self._is_dark) if i else look.MODEL,
             )
             for i in range(_SHAPES)
         ]  # fmt: skip
-        shapes.add_layout(self._legend, "above")
+        self._legend = [LegendItem(label="", renderers=[curve]) for curve in curves]
+        shapes.add_layout(Legend(orientation="horizontal", items=self._legend, spacing=14, margin=2), "above")
         shapes.ray(x=0, y=0, length=0, angle=[0, np.pi], color=ink, line_width=0.6)
         self._modes = shapes
 
@@ -255,13 +255,11 @@ class AssemblyView:
         data = {f"y{i}": _deflection(shapes, i) if i < count else np.full(shapes.distance.size, np.nan)
                 for i in range(_SHAPES)}  # fmt: skip
         self._shapes.data = {"x": 1e3 * shapes.distance, **data}
-        self._legend.items = [
-            LegendItem(
-                label=f"{shapes.frequency_hz[i]:.1f} Hz, damping {percent(shapes.damping_ratio[i], 3)}",
-                renderers=[self._curves[i]],
-            )
-            for i in range(count)
-        ]
+        for i, item in enumerate(self._legend):
+            item.visible = i < count
+            if item.visible:
+                frequency, damping = shapes.frequency_hz[i], percent(shapes.damping_ratio[i], 3)
+                item.label = {"value": f"{frequency:.1f} Hz, damping {damping}"}
 
 
 def _deflection(shapes: ModeShapes, number: int) -> Any:

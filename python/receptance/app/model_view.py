@@ -25,7 +25,7 @@ class ModelView:
         self._page, self._session = page, page.session
         self._misfit = look.status()
         self._controls = Controls(page.session, page.say, page.later)
-        self._records = RecordsView(page.session, page.remember, page.query.get("quantity", ""))
+        self._records = RecordsView(page)
         self._assembly = AssemblyView(page)
         panels = [
             TabPanel(title="Records", child=self._records.layout),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from receptance import units
 from receptance.app import look
-from receptance.app.session import Session
+from receptance.app.view import PageOfView
 from receptance.campaign import MeasuredLines, Trial, TrialRecord
 from receptance.errors import ReceptanceError
 
@@ -52,8 +52,9 @@ QUANTITIES = {
 class RecordsView:
     """Figures of the chosen records; `show` moves the curves of the model, and `show_modes` the tables of modes."""
 
-    def __init__(self, session: Session, remember: Callable[..., None], quantity: str = "") -> None:
-        self._session, self._remember = session, remember
+    def __init__(self, page: PageOfView) -> None:
+        self._page, self._session = page, page.session
+        quantity = page.query.get("quantity", "")
         names = list(QUANTITIES)
         self._quantity = Select(
             title="Quantity", options=names, value=quantity if quantity in names else names[0], width=140
@@ -90,7 +91,7 @@ class RecordsView:
             self._chosen.value = chosen
 
     def _rebuild(self, attr: str, old: Any, new: Any) -> None:
-        self._remember(quantity="" if self._quantity.value == "magnitude" else self._quantity.value)
+        self._page.remember(quantity="" if self._quantity.value == "magnitude" else self._quantity.value)
         self._draw()
 
     def _shown(self) -> dict[str, TrialRecord]:
@@ -123,7 +124,7 @@ class RecordsView:
             blocks.append(Spacer(sizing_mode="stretch_width"))
         pairs = [blocks[i : i + 2] for i in range(0, len(blocks), 2)]
         self._figures.children = [row(*pair, sizing_mode="stretch_width") for pair in pairs]
-        self.show_modes()
+        self._page.later(self.show_modes)  # the fits of measured modes take longer than the figures
 
     def _block(self, name: str, record: TrialRecord, lines: MeasuredLines, number: int) -> LayoutDOM:
         quantity, seen = QUANTITIES[self._quantity.value], record.observation
