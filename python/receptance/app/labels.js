@@ -2,7 +2,7 @@ const label = view => {
   const root = view.shadow_el, name = view.model.title?.text || view.model.title || view.model.name || "curves";
   root?.querySelectorAll("[role=slider]").forEach(handle => {
     handle.setAttribute("aria-label", String(name)); handle.setAttribute("aria-valuetext", String(view.model.value)); });
-  root?.querySelectorAll("input[type=checkbox]").forEach(box => box.setAttribute("aria-label", String(name)));
+  root?.querySelectorAll("input[type=checkbox]").forEach(box => box.closest("label") || box.setAttribute("aria-label", String(name)));
   root?.querySelectorAll("canvas").forEach(canvas => {
     canvas.setAttribute("role", "img"); canvas.setAttribute("aria-label", String(name)); });
   root?.querySelectorAll(".bk-header").forEach(header => header.setAttribute("role", "tablist"));

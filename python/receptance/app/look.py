@@ -13,7 +13,7 @@ from bokeh.themes import Theme
 
 from receptance.report.figure import COLOURS, INK
 
-MEASURED, MODEL, DIFFERENCE, UNUSED = "#7F7F7F", "#2485C7", COLOURS[1], "#A9A9A9"
+MEASURED, MODEL, DIFFERENCE = "#7F7F7F", "#2485C7", COLOURS[1]
 """Colours of curves, safe for colour-blind readers (hues of Okabe and Ito), with a contrast of 3 on light and dark."""
 _ON_DARK = dict(zip((*COLOURS, INK), ("#6CBDEE", "#F5893F", "#35C79A", "#E7A6CB", "#F0B93A", "#E8E8E8"), strict=True))
 """What is light enough for text on dark, in place of the colours of figures."""
@@ -23,11 +23,11 @@ _DARK = {
     "ink": "#E8E8E8",
     "pale": "#3A434A",
     "edge": "#77828A",
+    "unused": "#56606A",
     "soft": "#B4BDC3",
     "accent": "#56B4E9",
     "on": "#0B1216",
     "bad": "#FF9A80",
-    "cross": "invert(1)",
 }
 _LIGHT = {
     "paper": "#FFFFFF",
@@ -35,11 +35,11 @@ _LIGHT = {
     "ink": "#16191B",
     "pale": "#D8DDE0",
     "edge": "#8A949B",
+    "unused": "#BFC4C7",
     "soft": "#565F66",
     "accent": "#0B5394",
     "on": "#FFFFFF",
     "bad": "#A61B1B",
-    "cross": "none",
 }
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from bokeh.layouts import column, row
-from bokeh.models import ColumnDataSource, Div, LayoutDOM, MultiChoice, Range1d, Select, Spacer
+from bokeh.models import CheckboxGroup, ColumnDataSource, Div, LayoutDOM, Range1d, Select, Spacer
 from numpy.typing import NDArray
 
 from receptance import units
@@ -54,21 +54,23 @@ class RecordsView:
 
     def __init__(self, page: PageOfView) -> None:
         self._page, self._session = page, page.session
-        quantity = page.query.get("quantity", "")
+        quantity, self._is_dark = page.query.get("quantity", ""), page.query.get("theme") == "dark"
         names = list(QUANTITIES)
         self._quantity = Select(
             title="Quantity", options=names, value=quantity if quantity in names else names[0], width=140
         )
-        self._chosen = MultiChoice(title="Records", options=[], value=[], sizing_mode="stretch_width")
+        self._chosen = CheckboxGroup(
+            labels=[], active=[], inline=True, sizing_mode="stretch_width", margin=(24, 5, 5, 5)
+        )
         self._quantity.on_change("value", self._rebuild)
-        self._chosen.on_change("value", self._rebuild)
+        self._chosen.on_change("active", self._rebuild)
         self._moving = ColumnDataSource()
-        self._figures = column(sizing_mode="stretch_width")
+        self._frequencies = look.text()
+        self._figures = column(self._frequencies, sizing_mode="stretch_width")
         self._figures.js_on_change("children", look.labels())
         self._tables: dict[str, Div] = {}
-        self._frequencies = look.text()
         self.layout = column(row(self._quantity, self._chosen, sizing_mode="stretch_width"), self._figures,
-                             self._frequencies, sizing_mode="stretch_width")  # fmt: skip
+                             sizing_mode="stretch_width")  # fmt: skip
 
     @property
     def records(self) -> dict[str, TrialRecord]:
@@ -80,15 +82,20 @@ class RecordsView:
 
     def reset(self) -> None:
         """Show the records of another document."""
-        names = list(self.records)
-        kept = [name for name in self._chosen.value if name in names]
-        self._chosen.options = names
+        names, kept = list(self.records), set(self._names())
         self._quantity.visible = self._chosen.visible = bool(names)
-        chosen = kept or names[:MOST_SHOWN]
-        if chosen == self._chosen.value:
+        first = [number for number, name in enumerate(names) if name in kept] or list(range(len(names)))[:MOST_SHOWN]
+        self._chosen.labels = names
+        if first == self._chosen.active:
             self._draw()
         else:
-            self._chosen.value = chosen
+            self._chosen.active = first
+
+    def _names(self) -> list[str]:
+        """Return the names of the chosen records."""
+        return [
+            self._chosen.labels[number] for number in sorted(self._chosen.active) if number < len(self._chosen.labels)
+        ]
 
     def _rebuild(self, attr: str, old: Any, new: Any) -> None:
         self._page.remember(quantity="" if self._quantity.value == "magnitude" else self._quantity.value)
@@ -96,7 +103,7 @@ class RecordsView:
 
     def _shown(self) -> dict[str, TrialRecord]:
         records = self.records
-        return {name: records[name] for name in self._chosen.value if name in records}
+        return {name: records[name] for name in self._names() if name in records}
 
     def _columns(self, records: dict[str, TrialRecord]) -> dict[str, NDArray[np.float64]]:
         """Return the columns that move, all of the length of the longest record."""
@@ -123,7 +130,7 @@ class RecordsView:
         if len(blocks) % 2 and len(blocks) > 1:
             blocks.append(Spacer(sizing_mode="stretch_width"))
         pairs = [blocks[i : i + 2] for i in range(0, len(blocks), 2)]
-        self._figures.children = [row(*pair, sizing_mode="stretch_width") for pair in pairs]
+        self._figures.children = [*(row(*pair, sizing_mode="stretch_width") for pair in pairs), self._frequencies]
         self._page.later(self.show_modes)  # the fits of measured modes take longer than the figures
 
     def _block(self, name: str, record: TrialRecord, lines: MeasuredLines, number: int) -> LayoutDOM:
@@ -143,7 +150,13 @@ class RecordsView:
             values = quantity.of(lines.receptance)
         if lines.unused:
             left_out = np.where(np.any(list(lines.unused.values()), axis=0), values, np.nan)
-            top.scatter(lines.frequency_hz, left_out, size=2, color=look.UNUSED, legend_label="not used")
+            top.scatter(
+                lines.frequency_hz,
+                left_out,
+                size=2,
+                color=look.palette(self._is_dark)["unused"],
+                legend_label="not used",
+            )
         figures = [top]
         if lines.coherence is not None:
             coherence = look.curve_figure("", "", "coherence", height=75, x_range=self._axis, y_range=(0.0, 1.05))
