@@ -56,6 +56,9 @@ def readable(colour: str, dark: bool) -> str:
 def theme(dark: bool) -> Theme:
     """Return the theme of figures."""
     c = palette(dark)
+    # A notebook has no page around the views that has these.
+    variables = "".join(f"--{name}: {colour}; " for name, colour in c.items())
+    sheet = InlineStyleSheet(css=f":host {{ {variables} }}\n{_resource('widgets.css')}")
     axis = {
         "axis_line_color": c["pale"], "major_tick_line_color": c["pale"], "minor_tick_line_color": None,
         "major_label_text_color": c["ink"], "axis_label_text_color": c["ink"], "axis_label_text_font_style": "normal",
@@ -63,7 +66,7 @@ def theme(dark: bool) -> Theme:
     return Theme(
         json={
             "attrs": {
-                "LayoutDOM": {"stylesheets": [InlineStyleSheet(css=_resource("widgets.css"))]},
+                "LayoutDOM": {"stylesheets": [sheet]},
                 "AbstractSlider": {"bar_color": c["accent"]},
                 "figure": {
                     "background_fill_color": c["panel"],
