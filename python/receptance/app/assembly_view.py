@@ -125,11 +125,13 @@ class AssemblyView:
         names = [] if self._campaign is None else list(self._campaign.assemblies)
         self._assembly.options = names
         if self._assembly.value not in names:
-            self._assembly.value = next(iter(names), "")
+            linked = self._page.query.get("assembly", "")
+            self._assembly.value = linked if linked in names else next(iter(names), "")
         self._values.choose(self._assembly.value, self._element.value)
         self.show()
 
     def _choose_assembly(self, attr: str, old: str, new: str) -> None:
+        self._page.remember(assembly=new)
         self.show()
         self._values.choose(new, self._element.value)
 
@@ -168,7 +170,8 @@ class AssemblyView:
         if self._element.options != names:
             self._element.options = names
         if self._element.value not in names:
-            self._element.value = names[0]  # draws
+            linked = self._page.query.get("element", "")
+            self._element.value = linked if linked in names else names[0]  # draws
             return
         self._show_sketch(assembly, marks)
         self._show_shapes(assembly)
