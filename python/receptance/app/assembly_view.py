@@ -127,18 +127,22 @@ class AssemblyView:
         if self._assembly.value not in names:
             linked = self._page.query.get("assembly", "")
             self._assembly.value = linked if linked in names else next(iter(names), "")
-        self._values.choose(self._assembly.value, self._element.value)
         self.show()
+        self._choose_values()
 
     def _choose_assembly(self, attr: str, old: str, new: str) -> None:
         self._page.remember(assembly=new)
         self.show()
-        self._values.choose(new, self._element.value)
+        self._page.later(self._choose_values)
 
     def _choose_element(self, attr: str, old: str, new: str) -> None:
         self._page.remember(element=new)
-        self._values.choose(self._assembly.value, new)
         self.show()
+        # The drawing answers at once; new inputs take the browser longer.
+        self._page.later(self._choose_values)
+
+    def _choose_values(self) -> None:
+        self._values.choose(self._assembly.value, self._element.value)
 
     def _tap(self, source: ColumnDataSource, indices: list[int]) -> None:
         if indices:

@@ -41,9 +41,14 @@ class Quantity:
     is_logarithmic: bool = False
 
 
+def _phase(receptance: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the phase from -270 to 90 degrees: a receptance at a resonance goes from 0 to -180, away from the cut."""
+    return np.asarray((np.degrees(np.angle(receptance)) + 270.0) % 360.0 - 270.0)
+
+
 QUANTITIES = {
     "magnitude": Quantity(np.abs, "|receptance| ({unit})", lambda r: r.difference_db, _DECIBEL, True),
-    "phase": Quantity(lambda h: np.degrees(np.angle(h)), "phase (deg)", lambda r: r.difference_deg, _DEGREES),
+    "phase": Quantity(_phase, "phase (deg)", lambda r: r.difference_deg, _DEGREES),
     "real part": Quantity(np.real, "real part ({unit})", lambda r: r.difference_db, _DECIBEL),
     "imaginary part": Quantity(np.imag, "imaginary part ({unit})", lambda r: r.difference_deg, _DEGREES),
 }
