@@ -97,6 +97,7 @@ class Controls:
         self._pending: dict[str, float] = {}
         self._controls: dict[str, _Control] = {}
         self._sliders = column(sizing_mode="stretch_width")
+        self._sliders.js_on_change("children", look.labels())
         causes = [(_NO_CAUSE, _NO_CAUSE), *((id, cause.title) for id, cause in CATALOGUE.items())]
         self._cause = Select(title="What would this do?", options=causes, value=_NO_CAUSE, sizing_mode="stretch_width")
         self._variant = Select(title="Where", options=[], visible=False, sizing_mode="stretch_width")

@@ -7,7 +7,7 @@ const label = (view, plot) => {
   const each = (selector, call) => root?.querySelectorAll(selector).forEach(call);
   each("[role=slider]", handle => {
     handle.setAttribute("aria-label", name); handle.setAttribute("aria-valuetext", model.tags[0] ?? String(model.value)); });
-  each("input[type=checkbox]", box => box.setAttribute("aria-label", model.name || model.label));
+  each("input[type=checkbox]", box => box.closest("label") || box.setAttribute("aria-label", model.name || model.label));
   each("input.choices__input", input => { input.setAttribute("aria-label", name); input.removeAttribute("role"); });
   each(".choices__list--multiple > *", item => item.removeAttribute("aria-selected"));
   each("canvas", canvas => { canvas.setAttribute("role", "img"); canvas.setAttribute("aria-label", name); });

@@ -13,7 +13,7 @@ from bokeh.themes import Theme
 
 from receptance.report.colours import COLOURS, INK
 
-MEASURED, MODEL, DIFFERENCE, UNUSED = "#7F7F7F", "#2485C7", COLOURS[1], "#A9A9A9"
+MEASURED, MODEL, DIFFERENCE = "#7F7F7F", "#2485C7", COLOURS[1]
 """Colours of curves, safe for colour-blind readers (hues of Okabe and Ito), with a contrast of 3 on light and dark."""
 _ON_DARK = dict(zip((*COLOURS, INK), ("#6CBDEE", "#F5893F", "#35C79A", "#E7A6CB", "#F0B93A", "#E8E8E8"), strict=True))
 """What is light enough for text on dark, in place of the colours of figures."""
@@ -23,11 +23,11 @@ _DARK = {
     "ink": "#E8E8E8",
     "pale": "#3A434A",
     "edge": "#77828A",
+    "unused": "#56606A",
     "soft": "#B4BDC3",
     "accent": "#56B4E9",
     "on": "#0B1216",
     "bad": "#FF9A80",
-    "cross": "invert(1)",
 }
 _LIGHT = {
     "paper": "#FFFFFF",
@@ -35,11 +35,11 @@ _LIGHT = {
     "ink": "#16191B",
     "pale": "#D8DDE0",
     "edge": "#8A949B",
+    "unused": "#BFC4C7",
     "soft": "#565F66",
     "accent": "#0B5394",
     "on": "#FFFFFF",
     "bad": "#A61B1B",
-    "cross": "none",
 }
 
 
@@ -56,6 +56,9 @@ def readable(colour: str, dark: bool) -> str:
 def theme(dark: bool) -> Theme:
     """Return the theme of figures."""
     c = palette(dark)
+    # A notebook has no page around the views that has these.
+    variables = "".join(f"--{name}: {colour}; " for name, colour in c.items())
+    sheet = InlineStyleSheet(css=f":host {{ {variables} }}\n{_resource('widgets.css')}")
     axis = {
         "axis_line_color": c["pale"], "major_tick_line_color": c["pale"], "minor_tick_line_color": None,
         "major_label_text_color": c["ink"], "axis_label_text_color": c["ink"], "axis_label_text_font_style": "normal",
@@ -63,7 +66,7 @@ def theme(dark: bool) -> Theme:
     return Theme(
         json={
             "attrs": {
-                "LayoutDOM": {"stylesheets": [InlineStyleSheet(css=_resource("widgets.css"))]},
+                "LayoutDOM": {"stylesheets": [sheet]},
                 "AbstractSlider": {"bar_color": c["accent"]},
                 "figure": {
                     "background_fill_color": c["panel"],
@@ -97,10 +100,11 @@ def _resource(name: str) -> str:
 
 
 def curve_figure(title: str, x: str, y: str, height: int = 220, **options: Any) -> Any:
-    """Return an empty figure of curves over a common axis, with wheel and box zoom along x."""
+    """Return an empty figure of curves over a common axis, by default with wheel and box zoom along x."""
+    tools = options.pop("tools", "xpan,xwheel_zoom,xbox_zoom,reset,save")
     made = figure(
-        title=title, x_axis_label=x, y_axis_label=y, height=height, sizing_mode="stretch_width",
-        tools="xpan,xwheel_zoom,xbox_zoom,reset,save", active_drag="xbox_zoom", **options,
+        title=title or None, x_axis_label=x or None, y_axis_label=y or None, height=height, tools=tools,
+        sizing_mode="stretch_width", active_drag="xbox_zoom" if "xbox_zoom" in tools else None, **options,
     )  # fmt: skip
     made.toolbar.logo = None
     made.toolbar.autohide = True

@@ -60,7 +60,7 @@ def draw_check(check: CampaignCheck, ax: Axes | None = None) -> Figure:
     for name, assembly in check.campaign.assemblies.items():
         everything = (*check.campaign.measurements.values(), *check.campaign.on_blanks.values())
         measured = [m for m in everything if m.configuration == name]
-        marks = tuple(dict.fromkeys(mark for observation in measured for mark in _marks(observation)))
+        marks = tuple(dict.fromkeys(mark for observation in measured for mark in marks_of(observation)))
         shown = measured[0].assembly if measured else assembly
         if name in check.campaign.blanks:
             shown = _in_spindle(shown, check.campaign.blanks[name])
@@ -89,7 +89,8 @@ def _shape(item: tuple[str, Any]) -> Any:
     return name, sizes, getattr(element, "length", 0.0)
 
 
-def _marks(measured: Observation) -> list[Mark]:
+def marks_of(measured: Observation) -> list[Mark]:
+    """Return the points of an FRF: where it responds and where it is hit."""
     if not measured.is_receptance:
         return []
     response, excitation = measured.response, measured.excitation
