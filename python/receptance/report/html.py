@@ -64,17 +64,20 @@ def facts_html(facts: Sequence[Fact]) -> str:
     return f"<dl>{''.join(items)}</dl>" if items else ""
 
 
-def table_html(table: Table) -> str:
+def table_html(table: Table, drawings: Sequence[str] = ()) -> str:
     """Return a table as HTML, with text aligned left and numbers aligned right.
 
-    Each cell has the heading of its column, with which a narrow page shows every row as a list.
+    Each cell has the heading of its column, with which a narrow page shows every row as a list. `drawings` are one for
+    each row, as SVG, and stand before its cells.
     """
     sides = ["left" if isinstance(column, str) else "right" for column in table.columns]
     head = "".join(_cell("th", text, side) for text, side in zip(table.headings, sides, strict=True))
     rows = (
         "".join(_cell("td", *cell) for cell in zip(row, sides, table.headings, strict=True)) for row in table.texts()
     )
-    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    before = [f"<td>{drawing}</td>" for drawing in drawings] or [""] * len(table.rows)
+    head = f"<td></td>{head}" if drawings else head
+    body = "".join(f"<tr>{drawn}{row}</tr>" for drawn, row in zip(before, rows, strict=True))
     note = f"<p>{shown(table.note)}</p>" if table.note else ""
     caption = f"<caption>{shown(table.title)}</caption>" if table.title else ""
     return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{note}"
@@ -142,6 +145,12 @@ def _header(result: Result, heading: str) -> str:
     """Return title, answer, date, campaign file, version and key figures of a page."""
     origin = result.provenance
     about = [date.today().isoformat(), *filter(None, [origin.file]), f"receptance {origin.versions['receptance']}"]
+    badge, tiles = answer_html(result)
+    return f'<header><h1>{shown(heading)}</h1>{badge}<p class="meta">{shown(" · ".join(about))}</p>{tiles}</header>'
+
+
+def answer_html(result: Result) -> tuple[str, str]:
+    """Return the answer of a result in one or two words, and its key figures; empty without them."""
     # Values before and after break only beside the arrow: 2.3e-4 has a hyphen.
     tiles = "".join(
         f'<div class="tile"><b>{" → ".join(f"<span>{shown(value)}</span>" for value in values)}</b>'
@@ -150,7 +159,7 @@ def _header(result: Result, heading: str) -> str:
     )
     tiles = f'<div class="tiles">{tiles}</div>' if tiles else ""
     badge = f'<p><span class="badge {result.badge}">{result.badge}</span></p>' if result.badge else ""
-    return f'<header><h1>{shown(heading)}</h1>{badge}<p class="meta">{shown(" · ".join(about))}</p>{tiles}</header>'
+    return badge, tiles
 
 
 def _section_html(section: PageSection) -> list[str]:

@@ -66,7 +66,7 @@ def _draw_diagram(axes: Axes, lobes: Lobes) -> None:
     cuts: tuple[StableCut, ...] = ()
     if np.isfinite(depth).any():
         cuts = lobes.recommended(probability=probability if has_draws else None, count=_RECOMMENDED)
-    top = max(_top(lobes, depth), 1.15e3 * max((cut.depth for cut in cuts), default=0.0))
+    top = max(top_of(lobes), 1.15e3 * max((cut.depth for cut in cuts), default=0.0))
     limit = highest = _clipped(depth, top)
     axes.fill_between(speed, limit, 2.0 * top, color=_CHATTER, alpha=0.10, lw=0, label="chatter")
     if lobes.lower is not None and lobes.upper is not None:
@@ -103,13 +103,14 @@ def _mark_speeds(
     return max((height + step for _, _, height in labels), default=0.0)
 
 
-def _top(lobes: Lobes, depth: NDArray[np.float64]) -> float:
-    finite = np.isfinite(depth)
+def top_of(lobes: Lobes) -> float:
+    """Return the upper end of an axis of the depth in mm, such that high lobes do not compress the others."""
+    finite = np.isfinite(lobes.depth)
     if not finite.any():
         return 1.0
     highest = lobes.upper if lobes.upper is not None else lobes.depth
-    largest = np.max(highest[np.isfinite(highest)], initial=float(depth[finite].max()))
-    return float(1e3 * min(1.1 * largest, _HIGHEST * depth[finite].min()))
+    largest = np.max(highest[np.isfinite(highest)], initial=float(lobes.depth[finite].max()))
+    return float(1e3 * min(1.1 * largest, _HIGHEST * lobes.depth[finite].min()))
 
 
 def _clipped(depth: NDArray[np.float64], top: float) -> NDArray[np.float64]:
