@@ -34,20 +34,20 @@ def as_html(content: Renderable, figure: Figure | None = None) -> str:
 
 def rejection_html(content: Renderable) -> str:
     """Return the rejection of the numbers, for the beginning of a page; empty if there is none."""
-    items = "".join(part for heading, reasons in content.rejection.headed() for part in _list(heading, reasons))
+    items = "".join(part for heading, reasons in content.rejection.headed() for part in list_html(heading, reasons))
     return f'<div class="rejected">{items}</div>' if items else ""
 
 
 def content_html(content: Renderable, sections: Sequence[PageSection] = ()) -> list[str]:
     """Return warnings, findings, tables, next step, sections and notes as parts of a page."""
     texts = [*filter(None, [content.description]), *content.sentences()]
-    parts = _list("Advice", content.warnings())
+    parts = list_html("Advice", content.warnings())
     parts += facts_html(content.facts()), *(f"<p>{shown(text)}</p>" for text in texts)
     parts += [table_html(table) for table in content.tables()]
     parts += [f"<p><b>Next step</b>: {shown(content.next_step)}</p>"] if content.next_step else []
     for section in sections:
         parts += _section_html(section)
-    parts += _list("Notes", content.grouped_notes())
+    parts += list_html("Notes", content.grouped_notes())
     if content.origin:
         parts.append(f"<p><small>{shown(content.origin)}</small></p>")
     return list(filter(None, parts))
@@ -88,7 +88,8 @@ def _cell(tag: str, text: str, side: str, heading: str = "") -> str:
     return f'<{tag} style="text-align: {side}"{label}>{shown(text)}</{tag}>'
 
 
-def _list(title: str, texts: Iterable[str]) -> list[str]:
+def list_html(title: str, texts: Iterable[str]) -> list[str]:
+    """Return texts as a list with a title, as parts of a page; none without texts."""
     # Indented texts belong to the one above.
     items = "".join(
         f'<li style="margin-left: 1.5em">{shown(text[2:])}</li>' if text.startswith("  ") else f"<li>{shown(text)}</li>"

@@ -1,0 +1,169 @@
+"""The view "Ask": identification, prediction and diagnosis, with progress, and what the campaign lacks for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from html import escape
+from typing import Any
+
+from bokeh.layouts import column, row
+from bokeh.models import LayoutDOM, RadioGroup
+
+from receptance.app import look, results
+from receptance.app.records_view import RecordsView
+from receptance.app.view import PageOfView
+from receptance.diagnosis.model import UndecidableError
+from receptance.diagnosis.presentation import held_out_table
+from receptance.errors import ReceptanceError
+from receptance.report import Result
+from receptance.report.html import table_html
+
+_NAME = "ask"
+_BASE = "none: the model as it is"
+
+
+class AskView:
+    """The view "Ask"."""
+
+    title = "Ask"
+
+    def __init__(self, page: PageOfView) -> None:
+        self._page, self._session = page, page.session
+        session = self._session
+        calls: dict[str, Callable[[], None]] = {
+            "identify": session.identify, "predict": session.predict, "diagnose": lambda: session.diagnose(),
+        }  # fmt: skip
+        self._buttons = {
+            name: look.button(name.capitalize(), self._begin(call), primary=True) for name, call in calls.items()
+        }
+        self._stop = look.button("Stop with the answer so far", session.stop, width=210)
+        self._missing, self._accepted = look.text(), look.result()
+        self._diagnosis = _Diagnosis(page, self._accept)
+        self._prediction, self._identified = look.result(), look.result()
+        self._results = column(sizing_mode="stretch_width")
+        self.layout = column(
+            row(*self._buttons.values(), self._stop), self._missing, self._accepted, self._results,
+            sizing_mode="stretch_width",
+        )  # fmt: skip
+        exports = results.export_buttons
+        self._parts: dict[str, LayoutDOM] = {
+            "verdict": self._diagnosis.layout,
+            "prediction": column(self._prediction, exports(session, lambda: session.prediction, page.say),
+                                 sizing_mode="stretch_width"),
+            "identified": column(self._identified, exports(session, lambda: session.identified, page.say),
+                                 sizing_mode="stretch_width"),
+        }  # fmt: skip
+        session.on("document", call=self._reset)
+        session.on("work", call=self._show_work)
+        session.on("verdict", call=self._show_verdict)
+        session.on("prediction", call=self._show_prediction)
+        session.on("identified", call=self._show_identified)
+        self._reset()
+
+    def _begin(self, call: Callable[[], None]) -> Callable[[], None]:
+        def begin() -> None:
+            try:
+                call()
+            except ValueError as error:
+                self._page.say(str(error))
+
+        return begin
+
+    def _reset(self) -> None:
+        lacking = {name: self._session.missing.get(name, "") for name in self._buttons}
+        self._missing.text = look.items(f"{name}: {text}" for name, text in lacking.items() if text)
+        self._show_work()
+
+    def _show_work(self) -> None:
+        runs = self._session.work is not None
+        missing = self._session.missing
+        for name, button in self._buttons.items():
+            button.disabled = runs or self._session.campaign is None or bool(missing.get(name))
+        self._stop.disabled = not runs
+
+    def _show(self, part: str, result: Result | None) -> None:
+        """Show the newest result first, or remove one."""
+        others = [layout for layout in self._results.children if layout is not self._parts[part]]
+        self._results.children = [*([] if result is None else [self._parts[part]]), *others]
+
+    def _show_verdict(self) -> None:
+        verdict = self._session.verdict
+        if verdict is not None:
+            self._accepted.text = ""
+        self._diagnosis.reset()
+        self._show("verdict", verdict)
+
+    def _show_prediction(self) -> None:
+        result = self._session.prediction
+        if result is not None:
+            self._prediction.text = results.answer(result) + results.figure(result) + results.details(result)
+        self._show("prediction", result)
+
+    def _show_identified(self) -> None:
+        result = self._session.identified
+        if result is not None:
+            self._identified.text = results.answer(result) + results.details(result)
+        self._show("identified", result)
+
+    def _accept(self) -> None:
+        verdict = self._session.verdict
+        try:
+            document = self._session.accept()
+        except (ValueError, ReceptanceError) as error:
+            self._page.say(str(error))
+            return
+        self._session.edit(document)
+        table = None if verdict is None else held_out_table(verdict).without_empty()
+        gains = table_html(table) if table is not None and table.rows else ""
+        self._accepted.text = f"<h2>{escape(document.file.name)}, not saved</h2>{gains}"
+        self._page.say(f"{document.file.name} is open and not saved")
+
+
+class _Diagnosis:
+    """The verdict as a card, and the records with the causes that lead."""
+
+    def __init__(self, page: PageOfView, accept: Callable[[], None]) -> None:
+        self._page, self._session = page, page.session
+        self._answer, self._details = look.result(), look.result()
+        self._accept = look.button("Accept", accept, primary=True)
+        self._causes = RadioGroup(labels=[], active=None, name="causes", width=300)
+        self._causes.on_change("active", self._choose)
+        self._causes.js_on_change("labels", look.labels())
+        self._records = RecordsView(page.session, page.remember, page.query.get("quantity", ""))
+        exports = results.export_buttons(page.session, lambda: page.session.verdict, page.say)
+        self.layout = column(
+            self._answer,
+            row(self._accept, exports),
+            row(self._causes, self._records.layout, sizing_mode="stretch_width"),
+            self._details,
+            sizing_mode="stretch_width",
+        )
+        page.when_shown(_NAME, self._show_records)
+        page.session.on("trial", call=self._show_records)
+
+    def reset(self) -> None:
+        """Show another verdict, with the curves of its first cause."""
+        verdict = self._session.verdict
+        if verdict is None:
+            return
+        self._answer.text, self._details.text = results.answer(verdict), results.details(verdict)
+        self._accept.disabled = verdict.explanation is None or not verdict.final
+        leading = self._session.leading
+        self._causes.active = None
+        self._causes.labels = [_BASE, *(f"{cause.title}, {cause.variant}" if cause.variant != "all" else cause.title
+                                        for cause in leading)]  # fmt: skip
+        self._records.reset()
+        self._causes.active = 1 if leading else 0
+
+    def _choose(self, attr: str, old: Any, new: int | None) -> None:
+        if new is None or self._session.verdict is None:
+            return
+        try:
+            self._session.show_cause(None if new == 0 else self._session.leading[new - 1])
+        except (ValueError, ReceptanceError, UndecidableError) as error:
+            self._page.say(str(error))
+
+    def _show_records(self) -> None:
+        # Curves of a view that is not open would delay those of the sliders.
+        if self._session.verdict is not None and self._page.shown == _NAME:
+            self._records.show()
