@@ -11,14 +11,19 @@ from bokeh.models import LayoutDOM, RadioGroup
 
 from receptance.app import look, results
 from receptance.app.records_view import RecordsView
+from receptance.app.session import Topic
 from receptance.app.view import PageOfView
 from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.presentation import held_out_table
+from receptance.diagnosis.verdict import CandidateCause
 from receptance.errors import ReceptanceError
 from receptance.report import Result
 from receptance.report.html import table_html
 
 _NAME = "ask"
+_TITLES: dict[Topic, str] = {"verdict": "Diagnosis", "prediction": "Prediction", "identified": "Identification"}
+_MOST_CAUSES = 10
+"""Most causes whose curves can be chosen."""
 _BASE = "none: the model as it is"
 
 
@@ -38,27 +43,32 @@ class AskView:
         }
         self._stop = look.button("Stop with the answer so far", session.stop, width=210)
         self._missing, self._accepted = look.text(), look.result()
+        self._accepted.visible = False
         self._diagnosis = _Diagnosis(page, self._accept)
         self._prediction, self._identified = look.result(), look.result()
-        self._results = column(sizing_mode="stretch_width")
-        self.layout = column(
-            row(*self._buttons.values(), self._stop), self._missing, self._accepted, self._results,
-            sizing_mode="stretch_width",
-        )  # fmt: skip
+        self._choice = RadioGroup(labels=[], active=None, inline=True, visible=False)
+        self._choice.on_change("active", lambda attr, old, new: self._choose())
+        self._newest: list[Topic] = []
         exports = results.export_buttons
-        self._parts: dict[str, LayoutDOM] = {
+        self._parts: dict[Topic, LayoutDOM] = {
             "verdict": self._diagnosis.layout,
-            "prediction": column(self._prediction, exports(session, lambda: session.prediction, page.say),
+            "prediction": column(exports(session, lambda: session.prediction, page.say), self._prediction,
                                  sizing_mode="stretch_width"),
-            "identified": column(self._identified, exports(session, lambda: session.identified, page.say),
+            "identified": column(exports(session, lambda: session.identified, page.say), self._identified,
                                  sizing_mode="stretch_width"),
         }  # fmt: skip
+        self.layout = column(
+            row(*self._buttons.values(), self._stop), self._missing, self._accepted, self._choice,
+            *self._parts.values(), sizing_mode="stretch_width",
+        )  # fmt: skip
         session.on("document", call=self._reset)
         session.on("work", call=self._show_work)
         session.on("verdict", call=self._show_verdict)
         session.on("prediction", call=self._show_prediction)
         session.on("identified", call=self._show_identified)
         self._reset()
+        for topic in _TITLES:
+            self._show(topic, None)
 
     def _begin(self, call: Callable[[], None]) -> Callable[[], None]:
         def begin() -> None:
@@ -72,6 +82,7 @@ class AskView:
     def _reset(self) -> None:
         lacking = {name: self._session.missing.get(name, "") for name in self._buttons}
         self._missing.text = look.items(f"{name}: {text}" for name, text in lacking.items() if text)
+        self._missing.visible = bool(self._missing.text)
         self._show_work()
 
     def _show_work(self) -> None:
@@ -81,15 +92,25 @@ class AskView:
             button.disabled = runs or self._session.campaign is None or bool(missing.get(name))
         self._stop.disabled = not runs
 
-    def _show(self, part: str, result: Result | None) -> None:
-        """Show the newest result first, or remove one."""
-        others = [layout for layout in self._results.children if layout is not self._parts[part]]
-        self._results.children = [*([] if result is None else [self._parts[part]]), *others]
+    def _show(self, topic: Topic, result: Result | None) -> None:
+        """Show a new result, or remove one; the others can be chosen."""
+        self._newest = [*([] if result is None else [topic]), *(other for other in self._newest if other != topic)]
+        self._choice.visible = len(self._newest) > 1
+        self._choice.active = None
+        self._choice.labels = [_TITLES[shown] for shown in self._newest]
+        self._choice.active = 0 if self._newest else None
+        self._choose()
+
+    def _choose(self) -> None:
+        active = self._choice.active
+        chosen = None if active is None else self._newest[active]
+        for topic, layout in self._parts.items():
+            layout.visible = topic == chosen
 
     def _show_verdict(self) -> None:
         verdict = self._session.verdict
         if verdict is not None:
-            self._accepted.text = ""
+            self._accepted.visible = False
         self._diagnosis.reset()
         self._show("verdict", verdict)
 
@@ -116,6 +137,7 @@ class AskView:
         table = None if verdict is None else held_out_table(verdict).without_empty()
         gains = table_html(table) if table is not None and table.rows else ""
         self._accepted.text = f"<h2>{escape(document.file.name)}, not saved</h2>{gains}"
+        self._accepted.visible = True
         self._page.say(f"{document.file.name} is open and not saved")
 
 
@@ -126,7 +148,10 @@ class _Diagnosis:
         self._page, self._session = page, page.session
         self._answer, self._details = look.result(), look.result()
         self._accept = look.button("Accept", accept, primary=True)
-        self._causes = RadioGroup(labels=[], active=None, name="causes", width=300)
+        self._causes = RadioGroup(
+            labels=[], active=None, width=300, tags=["hover"], html_attributes={"aria-label": "cause"},
+            stylesheets=["label { white-space: normal; font-size: 13px; padding: 2px 0; }"],
+        )  # fmt: skip
         self._causes.on_change("active", self._choose)
         self._causes.js_on_change("labels", look.labels())
         self._records = RecordsView(page.session, page.remember, page.query.get("quantity", ""))
@@ -134,7 +159,11 @@ class _Diagnosis:
         self.layout = column(
             self._answer,
             row(self._accept, exports),
-            row(self._causes, self._records.layout, sizing_mode="stretch_width"),
+            row(
+                column(look.text("<b>Model with this cause</b>"), self._causes, width=310),
+                self._records.layout,
+                sizing_mode="stretch_width",
+            ),
             self._details,
             sizing_mode="stretch_width",
         )
@@ -148,10 +177,9 @@ class _Diagnosis:
             return
         self._answer.text, self._details.text = results.answer(verdict), results.details(verdict)
         self._accept.disabled = verdict.explanation is None or not verdict.final
-        leading = self._session.leading
+        leading = self._session.leading[:_MOST_CAUSES]
         self._causes.active = None
-        self._causes.labels = [_BASE, *(f"{cause.title}, {cause.variant}" if cause.variant != "all" else cause.title
-                                        for cause in leading)]  # fmt: skip
+        self._causes.labels = [_BASE, *map(_label, leading)]
         self._records.reset()
         self._causes.active = 1 if leading else 0
 
@@ -167,3 +195,7 @@ class _Diagnosis:
         # Curves of a view that is not open would delay those of the sliders.
         if self._session.verdict is not None and self._page.shown == _NAME:
             self._records.show()
+
+
+def _label(cause: CandidateCause) -> str:
+    return cause.title if cause.variant == "all" else f"{cause.title}, {cause.variant}"

@@ -4,6 +4,8 @@ const label = view => {
     handle.setAttribute("aria-label", String(name)); handle.setAttribute("aria-valuetext", String(view.model.value)); });
   root?.querySelectorAll("canvas").forEach(canvas => {
     canvas.setAttribute("role", "img"); canvas.setAttribute("aria-label", String(name)); });
+  if (view.model.tags?.includes("hover")) root?.querySelectorAll("label").forEach((item, index) => {
+    item.onmouseenter = () => { view.model.active = index; }; });
   root?.querySelectorAll(".bk-header").forEach(header => header.setAttribute("role", "tablist"));
   root?.querySelectorAll(".bk-tab").forEach(tab => {
     tab.setAttribute("role", "tab"); tab.setAttribute("aria-selected", tab.classList.contains("bk-active"));

@@ -70,7 +70,7 @@ _IN_RESULTS = """:host { font: 14px/1.45 system-ui, sans-serif; --soft: light-da
   --after: light-dark(#00795a, #35c99c); --band: light-dark(#bbd9ec, #24465c); --good: #1e7d43;
   --open: #8a5a00; --bad: light-dark(#a93226, #e0796e); }
 h2 { margin: .8rem 0 .4rem; } td svg.figure { width: 170px; } dl, .rejected { max-width: 1100px; }
-table { display: block; overflow-x: auto; } svg.figure { max-width: 1100px; }"""
+.bk-clearfix { width: 100%; } table { display: block; width: fit-content; overflow-x: auto; } svg.figure { max-width: 1100px; }"""
 """What differs in a page from the style of reports."""
 
 

@@ -56,6 +56,8 @@ class Session:
         self.work: Work | None = None
         self.held: set[str] = set()
         """Names of unknowns that a fit holds."""
+        self._untouched: Trial | None = None
+        """The trial as it began."""
         self._missing: dict[str, str] | None = None
         self._listeners: dict[Topic, list[Callable[[], None]]] = {topic: [] for topic in TOPICS}
 
@@ -127,7 +129,7 @@ class Session:
             trial = campaign.trial(self.identified).with_overhangs()
             fitting = {u.name: values[u.name] for u in trial.unknowns
                        if values and u.name in values and u.lower <= values[u.name] <= u.upper}  # fmt: skip
-            self.trial = trial.at(fitting)
+            self.trial = self._untouched = trial.at(fitting)
         except (ValueError, ReceptanceError):
             self.trial = None  # `receptance check` tells what is missing
 
@@ -212,12 +214,17 @@ class Session:
         if topic is not None:
             setattr(self, topic, work.result)
             topics.append(topic)
-        if topic == "identified":
-            causes = () if self.trial is None else self.trial.variants
-            self._start_trial()
-            if causes and self.trial is not None:
-                self.trial = self.trial.with_causes(causes)
-            topics.append("trial")
+        fit = work.result if topic == "identified" else getattr(work.result, "identified", None)
+        if topic == "identified" or (self.identified is None and isinstance(fit, Identification)):
+            # Other results have the fit that they were made with.
+            self.identified = fit
+            topics.append("identified")
+            if topic == "identified" or self.trial is self._untouched:
+                causes = () if self.trial is None else self.trial.variants
+                self._start_trial()
+                if causes and self.trial is not None:
+                    self.trial = self.trial.with_causes(causes)
+                topics.append("trial")
         self.tell(*topics)
         return work
 

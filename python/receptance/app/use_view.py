@@ -77,6 +77,7 @@ class UseView:
     def _reset(self) -> None:
         lacking = {name: self._session.missing.get(name, "") for name in self._buttons}
         self._missing.text = look.items(f"{name}: {text}" for name, text in lacking.items() if text)
+        self._missing.visible = bool(self._missing.text)
         self._show_work()
 
     def _show_work(self) -> None:
