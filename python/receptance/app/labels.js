@@ -4,6 +4,8 @@ const label = view => {
     handle.setAttribute("aria-label", String(name)); handle.setAttribute("aria-valuetext", String(view.model.value)); });
   root?.querySelectorAll("canvas").forEach(canvas => {
     canvas.setAttribute("role", "img"); canvas.setAttribute("aria-label", String(name)); });
+  root?.querySelectorAll(".bk-spin-btn").forEach(button =>
+    button.setAttribute("aria-label", `${name}, ${button.classList.contains("bk-spin-btn-up") ? "more" : "less"}`));
   if (view.model.tags?.includes("hover")) root?.querySelectorAll("label").forEach((item, index) => {
     item.onmouseenter = () => { view.model.active = index; }; });
   root?.querySelectorAll(".bk-header").forEach(header => header.setAttribute("role", "tablist"));

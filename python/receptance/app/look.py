@@ -53,6 +53,7 @@ def theme(dark: bool) -> Theme:
                     "border_fill_color": c["paper"],
                     "outline_line_color": None,
                 },
+                "Widget": {"stylesheets": [_WIDGETS]},
                 "Grid": {"grid_line_color": c["pale"], "grid_line_alpha": 0.6},
                 "Axis": axis,
                 "Title": {"text_color": c["ink"], "text_font_size": "13px"},
@@ -65,12 +66,19 @@ def theme(dark: bool) -> Theme:
     )  # fmt: skip
 
 
+_WIDGETS = """:host { --color: var(--ink); }
+.bk-input, .choices__inner, .choices__list--dropdown, .choices__input, .bk-btn-default {
+  background-color: var(--panel) !important; color: var(--ink); border-color: var(--pale); }
+.bk-btn-primary { background-color: var(--accent); border-color: var(--accent); color: var(--on); }
+.bk-btn-default:hover, .bk-btn-default:focus { color: var(--ink); border-color: var(--accent); }"""
+"""Colours of inputs and buttons in both themes."""
 _IN_RESULTS = """:host { font: 14px/1.45 system-ui, sans-serif; --soft: light-dark(#566573, #a9b4bc);
   --pale: light-dark(#9aa3aa, #7d8890); --grid: light-dark(#dde2e5, #38424a); --before: light-dark(#c4480a, #ff9a57);
   --after: light-dark(#00795a, #35c99c); --band: light-dark(#bbd9ec, #24465c); --good: #1e7d43;
   --open: #8a5a00; --bad: light-dark(#a93226, #e0796e); }
 h2 { margin: .8rem 0 .4rem; } td svg.figure { width: 170px; } dl, .rejected { max-width: 1100px; }
-.bk-clearfix { width: 100%; } table { display: block; width: fit-content; overflow-x: auto; } svg.figure { max-width: 1100px; }"""
+.bk-clearfix { width: 100%; } table { display: block; width: fit-content; overflow-x: auto; }
+svg.figure { max-width: 1100px; }"""
 """What differs in a page from the style of reports."""
 
 

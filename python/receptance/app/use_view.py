@@ -17,8 +17,9 @@ from receptance.app.view import PageOfView
 from receptance.catalogue import Catalogue
 from receptance.catalogue.figure import draw_outlines
 from receptance.errors import ReceptanceError
+from receptance.report import Rejection
 from receptance.report.figure import COLOURS, as_svg
-from receptance.report.html import list_html, rejection_html, shown, table_html
+from receptance.report.html import list_html, reasons_html, shown, table_html
 from receptance.stability import Lobes, operating_point
 from receptance.stability.figure import top_of
 
@@ -94,7 +95,8 @@ class UseView:
             self._cuts.children = []
             return
         self._general.text = "".join([
-            f"<h2>{shown(result.heading)}</h2>", rejection_html(result), *list_html("Advice", result.warnings()),
+            f"<h2>{shown(result.heading)}</h2>", reasons_html(Rejection(widened=result.rejection.widened)),
+            *list_html("Advice", result.warnings()),
             *list_html("Notes", result.grouped_notes()),
         ])  # fmt: skip
         diagrams = iter(self._diagrams)
@@ -120,19 +122,19 @@ class UseView:
         self._tools.visible = result is not None
         if result is None or campaign is None:
             return
-        count = len(result.tables()[0].rows)
-        drawings = [
-            as_svg(figure, tool.name) for tool, figure in zip(result.tools[:count], draw_outlines(Catalogue(campaign)))
-        ]
+        names = [str(row[0]) for row in result.tables()[0].rows]
+        outlines = zip(names, draw_outlines(Catalogue(campaign)), strict=False)  # the table has the first tools
+        drawings = [as_svg(figure, name) for name, figure in outlines]
         self._catalogue.text = results.answer(result) + results.details(result, drawings)
 
 
 def _without_diagram(lobes: Lobes) -> LayoutDOM:
     """Return why a cut has no diagram: an unsafe depth of cut is worse than none."""
     place = look.result()
-    place.text = (
-        f"<h2>{shown(lobes.name)}</h2>{rejection_html(lobes)}{''.join(list_html('Notes', lobes.grouped_notes()))}"
-    )
+    place.text = "".join([
+        f"<h3>{shown(lobes.title_of_cut())}</h3>", reasons_html(Rejection(unusable=lobes.rejection.unusable)),
+        *(f"<p>{shown(text)}</p>" for text in lobes.sentences()[1:]), *list_html("Notes", lobes.grouped_notes()),
+    ])  # fmt: skip
     return place
 
 
@@ -174,7 +176,7 @@ class _Diagram:
             lobes.title_of_cut(), "spindle speed (rpm)", "depth of cut (mm)", 420,
             x_range=Range1d(*ends), y_range=Range1d(0.0, self._top),
         )  # fmt: skip
-        plot.add_tools(CrosshairTool(line_alpha=0.4))
+        plot.add_tools(CrosshairTool(line_color=look.MEASURED))
         limit = self._in_mm(lobes.depth)
         low = limit if lobes.lower is None else self._in_mm(lobes.lower)
         high = limit if lobes.upper is None else self._in_mm(lobes.upper)
@@ -196,8 +198,8 @@ class _Diagram:
         best = [cut for cut in lobes.best_cuts if 1e3 * cut.depth <= self._top]
         plot.scatter([cut.speed_rpm for cut in best], [1e3 * cut.depth for cut in best], marker="inverted_triangle",
                      size=10, color=look.MEASURED, legend_label="recommended")  # fmt: skip
-        plot.scatter("speed", "depth", source=self._place, marker="circle_cross", size=13, color=_CHATTER, fill_alpha=0.0,
-                     line_width=2)  # fmt: skip
+        plot.scatter("speed", "depth", source=self._place, marker="circle_cross", size=13, color=_CHATTER,
+                     fill_alpha=0.0, line_width=2)  # fmt: skip
         plot.add_layout(plot.legend[0], "right")
         plot.xaxis.formatter.use_scientific = False
         plot.on_event(MouseMove, self._pointed)

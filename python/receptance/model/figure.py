@@ -108,7 +108,6 @@ def draw_outline(assembly: Assembly, length: float, radius: float, width: float 
     Sketch(Drawing(assembly), length / width, (-over, length + over), {}).draw_shapes(axes)
     axes.set_ylim(-radius, radius)
     axes.set_axis_off()
-    figure.get_layout_engine().set(w_pad=0.0, h_pad=0.0)
     return finished(figure)
 
 

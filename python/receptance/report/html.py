@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from receptance import report
 from receptance._text import printable
+from receptance.report.rejection import Rejection
 from receptance.report.result import PageSection, Renderable, Result
 from receptance.report.table import Fact, Table
 
@@ -34,7 +35,12 @@ def as_html(content: Renderable, figure: Figure | None = None) -> str:
 
 def rejection_html(content: Renderable) -> str:
     """Return the rejection of the numbers, for the beginning of a page; empty if there is none."""
-    items = "".join(part for heading, reasons in content.rejection.headed() for part in list_html(heading, reasons))
+    return reasons_html(content.rejection)
+
+
+def reasons_html(rejection: Rejection) -> str:
+    """Return the reasons of a rejection; empty without reasons."""
+    items = "".join(part for heading, reasons in rejection.headed() for part in list_html(heading, reasons))
     return f'<div class="rejected">{items}</div>' if items else ""
 
 
