@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
+from receptance import report
 from receptance._files import new_path, write_whole
 from receptance.catalogue.results import file_names
 from receptance.report import Result, Table
 from receptance.report.csv_text import table_csv
-from receptance.report.figure import as_image
 
 Kind = Literal["svg", "png", "html", "csv"]
 """Figure in vectors or as image, report, or tables."""
@@ -50,6 +50,6 @@ def write_result(result: Result, kind: Kind, folder: Path, stem: str, measured: 
             path = new_path(folder, f"{stem}-{name.replace('_', '-').lower()}", ".csv")
             contents[path] = table_csv(tables[title]).encode()
     else:
-        contents[new_path(folder, stem, f".{kind}")] = as_image(result.plot(), kind)
+        contents[new_path(folder, stem, f".{kind}")] = report.figure.as_image(result.plot(), kind)
     write_whole(contents)
     return list(contents)

@@ -11,7 +11,7 @@ from bokeh.models import Button, CustomJS, Div
 from bokeh.plotting import figure
 from bokeh.themes import Theme
 
-from receptance.report.figure import COLOURS
+from receptance.report.colours import COLOURS
 
 MEASURED, MODEL, DIFFERENCE, UNUSED = "#7F7F7F", COLOURS[0], COLOURS[1], "#BDBDBD"
 """Colours of curves, safe for colour-blind readers (Okabe and Ito) on light and dark."""

@@ -12,16 +12,16 @@ from bokeh.layouts import column, row
 from bokeh.models import ColumnDataSource, CrosshairTool, LayoutDOM, Range1d, Spinner
 from numpy.typing import NDArray
 
+from receptance import catalogue, report
 from receptance.app import look, results
 from receptance.app.view import PageOfView
 from receptance.catalogue import Catalogue
-from receptance.catalogue.figure import draw_outlines
 from receptance.errors import ReceptanceError
 from receptance.report import Rejection
-from receptance.report.figure import COLOURS, as_svg
+from receptance.report.colours import COLOURS
 from receptance.report.html import list_html, reasons_html, shown, table_html
 from receptance.stability import Lobes, operating_point
-from receptance.stability.figure import top_of
+from receptance.stability.operating import top_of
 
 _NAME = "use"
 _STABLE, _UNCERTAIN, _CHATTER = COLOURS[2], COLOURS[0], COLOURS[1]
@@ -123,8 +123,10 @@ class UseView:
         if result is None or campaign is None:
             return
         names = [str(row[0]) for row in result.tables()[0].rows]
-        outlines = zip(names, draw_outlines(Catalogue(campaign)), strict=False)  # the table has the first tools
-        drawings = [as_svg(figure, name) for name, figure in outlines]
+        outlines = zip(
+            names, catalogue.figure.draw_outlines(Catalogue(campaign)), strict=False
+        )  # the table has the first tools
+        drawings = [report.figure.as_svg(figure, name) for name, figure in outlines]
         self._catalogue.text = results.answer(result) + results.details(result, drawings)
 
 

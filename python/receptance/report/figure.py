@@ -23,14 +23,13 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from receptance._text import printable
+from receptance.report.colours import BAD as BAD
+from receptance.report.colours import BAND as BAND
+from receptance.report.colours import COLOURS as COLOURS
+from receptance.report.colours import INK as INK
+from receptance.report.colours import PALE as PALE
 from receptance.report.rejection import ACCEPTED, Rejection
 
-# Colours of Okabe and Ito, which readers with colour deficiencies can distinguish.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
-INK = "#222222"
-PALE = "#9A9A9A"
-BAD = "#B2182B"
-BAND = "#BBD9EC"
 _GRID = "#E6E6E6"
 _PADDING = 0.08
 """Distance between panels, titles and the edge of a figure in inches."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, label_point, panels, set_up, surface
 from receptance.stability.lobes import Lobes, Stability, StableCut
+from receptance.stability.operating import top_of
 
 _SPEED = "spindle speed (1000 rpm)"
 _LARGEST_COUNT = 8
@@ -23,8 +24,6 @@ _RECOMMENDED = 3
 _LEVEL = 0.95
 """Probability of the drawn stable depths if the lobes have draws but no probability."""
 _LIMIT, _CHATTER, _STABLE = COLOURS[0], COLOURS[1], COLOURS[2]
-_HIGHEST = 15.0
-"""Upper end of the depth axis over the lowest limit, so that high lobes do not compress the others."""
 _LABEL_WIDTH, _LABEL_HEIGHT = 0.17, 0.07
 """Size of the label of a speed as a share of the axes."""
 
@@ -101,16 +100,6 @@ def _mark_speeds(
         axes.plot(x, y, "v", color=INK, ms=6, zorder=4)
         label_point(axes, f"{cut.speed_rpm:.0f} rpm, {y:.2g} mm", (x, height), left=high == x, offset=(3.0, 0.0))
     return max((height + step for _, _, height in labels), default=0.0)
-
-
-def top_of(lobes: Lobes) -> float:
-    """Return the upper end of an axis of the depth in mm, such that high lobes do not compress the others."""
-    finite = np.isfinite(lobes.depth)
-    if not finite.any():
-        return 1.0
-    highest = lobes.upper if lobes.upper is not None else lobes.depth
-    largest = np.max(highest[np.isfinite(highest)], initial=float(lobes.depth[finite].max()))
-    return float(1e3 * min(1.1 * largest, _HIGHEST * lobes.depth[finite].min()))
 
 
 def _clipped(depth: NDArray[np.float64], top: float) -> NDArray[np.float64]:

@@ -10,6 +10,9 @@ import numpy as np
 from receptance.report.table import amount, amount_interval, percent
 from receptance.stability.lobes import Lobes
 
+_HIGHEST = 15.0
+"""Upper end of the depth axis over the lowest limit, so that high lobes do not compress the others."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class OperatingPoint:
@@ -77,3 +80,13 @@ def operating_point(lobes: Lobes, speed_rpm: float, depth: float) -> OperatingPo
         probability=None if lobes.draws is None else float(lobes.stable_probability(depth)[index]),
         chatter_hz=float(lobes.chatter_hz[index]),
     )
+
+
+def top_of(lobes: Lobes) -> float:
+    """Return the upper end of an axis of the depth in mm, such that high lobes do not compress the others."""
+    finite = np.isfinite(lobes.depth)
+    if not finite.any():
+        return 1.0
+    highest = lobes.upper if lobes.upper is not None else lobes.depth
+    largest = np.max(highest[np.isfinite(highest)], initial=float(lobes.depth[finite].max()))
+    return float(1e3 * min(1.1 * largest, _HIGHEST * lobes.depth[finite].min()))
