@@ -501,9 +501,8 @@ def test_outlines_of_tools_have_one_scale(machine: Any) -> None:
     catalogue = Catalogue(machine)
     figures = list(draw_outlines(catalogue))
     assert len(figures) == len(catalogue)
-    (limits,) = {
-        (*figure.axes[0].get_xlim(), *figure.axes[0].get_ylim(), *figure.get_size_inches()) for figure in figures
-    }
+    places = [(figure, figure.axes[0]) for figure in figures]
+    (limits,) = {(*axes.get_xlim(), *axes.get_ylim(), *figure.get_size_inches()) for figure, axes in places}
     for tool in catalogue:
         held = list(tool.site.assembly.elements)
         held = held[: held.index(tool.row.holder) + 1]

@@ -241,8 +241,7 @@ def test_where_no_limit_is_known_an_operating_point_says_so() -> None:
     # The lines end below the mode.
     tip = TipModes(frequency_hz=[922.0], damping_ratio=[0.011], shapes=[[0.03993**-0.5, 0.0]])
     lines = np.arange(400.0, 900.0, 1.0)
-    lobes = stability_lobes(
-        Milling(teeth=2, k_t=6e8, k_n=2e8), lines, tip.receptance(lines), speeds_rpm=[5000.0, 6000.0]
-    )
+    cut = Milling(teeth=2, k_t=6e8, k_n=2e8)
+    lobes = stability_lobes(cut, lines, tip.receptance(lines), speeds_rpm=[5000.0, 6000.0])
     assert not lobes.has_limits
     assert str(operating_point(lobes, 5200.0, 1e-3)) == "5000 rpm, 1.00 mm: no limit is known"
