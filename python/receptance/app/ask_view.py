@@ -10,6 +10,7 @@ from bokeh.layouts import column, row
 from bokeh.models import LayoutDOM, RadioGroup
 
 from receptance.app import look, results
+from receptance.app.commands import Commands
 from receptance.app.records_view import RecordsView
 from receptance.app.session import Topic
 from receptance.app.view import PageOfView
@@ -35,14 +36,13 @@ class AskView:
     def __init__(self, page: PageOfView) -> None:
         self._page, self._session = page, page.session
         session = self._session
-        calls: dict[str, Callable[[], None]] = {
-            "identify": session.identify, "predict": session.predict, "diagnose": lambda: session.diagnose(),
-        }  # fmt: skip
-        self._buttons = {
-            name: look.button(name.capitalize(), self._begin(call), primary=True) for name, call in calls.items()
+        commands = {
+            "identify": ("Identify", session.identify),
+            "predict": ("Predict", session.predict),
+            "diagnose": ("Diagnose", lambda: session.diagnose()),
         }
-        self._stop = look.button("Stop with the answer so far", session.stop, width=210)
-        self._missing, self._accepted = look.text(), look.result()
+        self._commands = Commands(page, commands, "Stop with the answer so far")
+        self._accepted = look.result()
         self._accepted.visible = False
         self._diagnosis = _Diagnosis(page, self._accept)
         self._prediction, self._identified = look.result(), look.result()
@@ -58,39 +58,14 @@ class AskView:
                                  sizing_mode="stretch_width"),
         }  # fmt: skip
         self.layout = column(
-            row(*self._buttons.values(), self._stop), self._missing, self._accepted, self._choice,
+            self._commands.layout, self._accepted, self._choice,
             *self._parts.values(), sizing_mode="stretch_width",
         )  # fmt: skip
-        session.on("document", call=self._reset)
-        session.on("work", call=self._show_work)
         session.on("verdict", call=self._show_verdict)
         session.on("prediction", call=self._show_prediction)
         session.on("identified", call=self._show_identified)
-        self._reset()
         for topic in _TITLES:
             self._show(topic, None)
-
-    def _begin(self, call: Callable[[], None]) -> Callable[[], None]:
-        def begin() -> None:
-            try:
-                call()
-            except ValueError as error:
-                self._page.say(str(error))
-
-        return begin
-
-    def _reset(self) -> None:
-        lacking = {name: self._session.missing.get(name, "") for name in self._buttons}
-        self._missing.text = look.items(f"{name}: {text}" for name, text in lacking.items() if text)
-        self._missing.visible = bool(self._missing.text)
-        self._show_work()
-
-    def _show_work(self) -> None:
-        runs = self._session.work is not None
-        missing = self._session.missing
-        for name, button in self._buttons.items():
-            button.disabled = runs or self._session.campaign is None or bool(missing.get(name))
-        self._stop.disabled = not runs
 
     def _show(self, topic: Topic, result: Result | None) -> None:
         """Show a new result, or remove one; the others can be chosen."""

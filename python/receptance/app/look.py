@@ -69,7 +69,8 @@ def theme(dark: bool) -> Theme:
 _WIDGETS = """:host { --color: var(--ink); }
 .bk-input, .choices__inner, .choices__list--dropdown, .choices__input, .bk-btn-default {
   background-color: var(--panel) !important; color: var(--ink); border-color: var(--pale); }
-.bk-btn-primary { background-color: var(--accent); border-color: var(--accent); color: var(--on); }
+.bk-btn-primary, .bk-btn-primary:hover, .bk-btn-primary:focus {
+  background-color: var(--accent); border-color: var(--accent); color: var(--on); }
 .bk-btn-default:hover, .bk-btn-default:focus { color: var(--ink); border-color: var(--accent); }"""
 """Colours of inputs and buttons in both themes."""
 _IN_RESULTS = """:host { font: 14px/1.45 system-ui, sans-serif; --soft: light-dark(#566573, #a9b4bc);

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from html import escape
 from typing import Any
 
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from receptance import catalogue, report
 from receptance.app import look, results
+from receptance.app.commands import Commands
 from receptance.app.view import PageOfView
 from receptance.catalogue import Catalogue
 from receptance.errors import ReceptanceError
@@ -37,12 +37,12 @@ class UseView:
     def __init__(self, page: PageOfView) -> None:
         self._page, self._session = page, page.session
         session = self._session
-        self._buttons = {
-            "stability": look.button("Lobes", self._begin(session.cut), primary=True),
-            "catalogue": look.button("Catalogue", self._begin(session.predict_catalogue), primary=True),
+        commands = {
+            "stability": ("Lobes", session.cut),
+            "catalogue": ("Catalogue", session.predict_catalogue),
         }
-        self._stop = look.button("Stop", session.stop)
-        self._missing, self._general, self._catalogue = look.text(), look.result(), look.result()
+        self._commands = Commands(page, commands, "Stop")
+        self._general, self._catalogue = look.result(), look.result()
         self._diagrams: list[_Diagram] = []
         self._cuts = column(sizing_mode="stretch_width")
         exports = results.export_buttons
@@ -55,37 +55,13 @@ class UseView:
             sizing_mode="stretch_width", visible=False,
         )  # fmt: skip
         self.layout = column(
-            row(*self._buttons.values(), self._stop), self._missing, self._stability, self._tools,
+            self._commands.layout, self._stability, self._tools,
             sizing_mode="stretch_width",
         )  # fmt: skip
         page.when_shown(_NAME, self._show_nominal)
-        session.on("document", call=self._reset)
-        session.on("work", call=self._show_work)
         session.on("trial", call=self._show_nominal)
         session.on("stability", call=self._show_stability)
         session.on("catalogue", call=self._show_catalogue)
-        self._reset()
-
-    def _begin(self, call: Callable[[], None]) -> Callable[[], None]:
-        def begin() -> None:
-            try:
-                call()
-            except ValueError as error:
-                self._page.say(str(error))
-
-        return begin
-
-    def _reset(self) -> None:
-        lacking = {name: self._session.missing.get(name, "") for name in self._buttons}
-        self._missing.text = look.items(f"{name}: {text}" for name, text in lacking.items() if text)
-        self._missing.visible = bool(self._missing.text)
-        self._show_work()
-
-    def _show_work(self) -> None:
-        runs = self._session.work is not None
-        for name, button in self._buttons.items():
-            button.disabled = runs or self._session.campaign is None or bool(self._session.missing.get(name))
-        self._stop.disabled = not runs
 
     def _show_stability(self) -> None:
         result = self._session.stability
