@@ -21,6 +21,10 @@ const label = (view, plot) => {
       else if (ends) range.setv({ start: range.start + ends[0] * width, end: range.end + ends[1] * width });
       else return;
       event.preventDefault(); } });
+  each(".bk-spin-btn", button =>
+    button.setAttribute("aria-label", `${name}, ${button.classList.contains("bk-spin-btn-up") ? "more" : "less"}`));
+  if (model.tags.includes("hover")) each("label", (item, index) => {
+    item.onmouseenter = () => { model.active = index; }; });
   each(".bk-header", header => header.setAttribute("role", "tablist"));
   each(".bk-tab", tab => {
     tab.setAttribute("role", "tab"); tab.setAttribute("aria-selected", tab.classList.contains("bk-active"));

@@ -73,6 +73,7 @@ def theme(dark: bool) -> Theme:
                     "border_fill_color": c["paper"],
                     "outline_line_color": None,
                 },
+                "Widget": {"stylesheets": [_WIDGETS]},
                 "Grid": {"grid_line_color": c["pale"], "grid_line_alpha": 0.6},
                 "Axis": axis,
                 "Title": {"text_color": c["ink"], "text_font_size": "13px"},
@@ -83,6 +84,23 @@ def theme(dark: bool) -> Theme:
             }
         }
     )  # fmt: skip
+
+
+_WIDGETS = """:host { --color: var(--ink); }
+.bk-input, .choices__inner, .choices__list--dropdown, .choices__input, .bk-btn-default {
+  background-color: var(--panel) !important; color: var(--ink); border-color: var(--pale); }
+.bk-btn-primary, .bk-btn-primary:hover, .bk-btn-primary:focus {
+  background-color: var(--accent); border-color: var(--accent); color: var(--on); }
+.bk-btn-default:hover, .bk-btn-default:focus { color: var(--ink); border-color: var(--accent); }"""
+"""Colours of inputs and buttons in both themes."""
+_IN_RESULTS = """:host { font: 14px/1.45 system-ui, sans-serif; --soft: light-dark(#566573, #a9b4bc);
+  --pale: light-dark(#9aa3aa, #7d8890); --grid: light-dark(#dde2e5, #38424a); --before: light-dark(#c4480a, #ff9a57);
+  --after: light-dark(#00795a, #35c99c); --band: light-dark(#bbd9ec, #24465c); --good: #1e7d43;
+  --open: #8a5a00; --bad: light-dark(#a93226, #e0796e); }
+h2 { margin: .8rem 0 .4rem; } td svg.figure { width: 170px; } dl, .rejected { max-width: 1100px; }
+.bk-clearfix { width: 100%; } table { display: block; width: fit-content; overflow-x: auto; }
+svg.figure { max-width: 1100px; }"""
+"""What differs in a page from the style of reports."""
 
 
 def template() -> str:
@@ -114,7 +132,17 @@ def curve_figure(title: str, x: str, y: str, height: int = 220, **options: Any) 
 def text(html: str = "", *, role: str = "", classes: Sequence[str] = ()) -> Div:
     """Return a piece of HTML; what is not ours has to be escaped before."""
     attributes = {"role": role, "aria-live": "polite"} if role else {}
-    return Div(text=html, html_attributes=attributes, css_classes=list(classes), sizing_mode="stretch_width")
+    return Div(text=html, html_attributes=attributes, css_classes=list(classes), sizing_mode="stretch_width",
+               disable_math=True)  # fmt: skip
+
+
+def result() -> Div:
+    """Return a place for HTML in the style of reports."""
+    style = resources.files("receptance.report").joinpath("style.css").read_text(encoding="utf-8")
+    made = text()
+    made.stylesheets = [style, _IN_RESULTS]
+    made.js_on_change("text", labels())
+    return made
 
 
 def status() -> Div:

@@ -14,10 +14,12 @@ from bokeh.layouts import column, row
 from bokeh.models import Button, CustomJS, LayoutDOM, TabPanel, Tabs
 
 from receptance.app import look
+from receptance.app.ask_view import AskView
 from receptance.app.document import CAMPAIGN_FILE, ConflictError
 from receptance.app.file_view import FileView
 from receptance.app.model_view import ModelView
 from receptance.app.session import Session
+from receptance.app.use_view import UseView
 from receptance.app.view import View
 
 _POLL_MS = 200
@@ -44,12 +46,15 @@ class CampaignPage:
         doc.theme, doc.title, doc.template = look.theme(dark), "receptance", look.template()
         doc.template_variables.update(dark=dark, c=look.palette(dark))
         self._open(self.query.get("file", CAMPAIGN_FILE))
-        self.views: dict[str, View] = {"model": ModelView(self), "file": FileView(self)}
+        self._when_shown: dict[str, Callable[[], None]] = {}
+        self.query.setdefault("view", "model" if self.session.trial is not None else "file")
+        self.views: dict[str, View] = {
+            "model": ModelView(self), "ask": AskView(self), "use": UseView(self), "file": FileView(self),
+        }  # fmt: skip
         panels = [TabPanel(title=view.title, child=view.layout) for view in self.views.values()]
         names = list(self.views)
-        start = "model" if self.session.trial is not None else "file"
-        self.tabs = Tabs(tabs=panels, active=names.index(self.query.get("view", start)), sizing_mode="stretch_width")
-        self.tabs.on_change("active", lambda attr, old, new: self.remember(view=names[new]))
+        self.tabs = Tabs(tabs=panels, active=names.index(self.query["view"]), sizing_mode="stretch_width")
+        self.tabs.on_change("active", lambda attr, old, new: self._turn_to(names[new]))
         self.tabs.js_on_change("active", look.labels())
         doc.js_on_event(DocumentReady, look.labels())
         doc.add_root(column(self._header(), self.status, self.tabs, sizing_mode="stretch_width"))
@@ -103,6 +108,19 @@ class CampaignPage:
         else:
             self.doc.add_next_tick_callback(call)
 
+    @property
+    def shown(self) -> str:
+        """Name of the view that is open."""
+        return self.query["view"]
+
+    def when_shown(self, view: str, call: Callable[[], None]) -> None:
+        """Call a function when a view is opened."""
+        self._when_shown[view] = call
+
+    def _turn_to(self, view: str) -> None:
+        self.remember(view=view)
+        self._when_shown.get(view, lambda: None)()
+
     def _poll(self) -> None:
         work = self.session.work
         if work is None:
@@ -116,5 +134,4 @@ class CampaignPage:
 
     def close(self) -> None:
         """End what runs, when the tab is closed."""
-        if self.session.work is not None:
-            self.session.work.stop()
+        self.session.stop()

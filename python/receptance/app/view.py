@@ -25,6 +25,13 @@ class PageOfView(Protocol):
     query: dict[str, str]
     """State in the address."""
 
+    @property
+    def shown(self) -> str:
+        """Name of the view that is open, as in the address."""
+
+    def when_shown(self, view: str, call: Callable[[], None]) -> None:
+        """Call a function when a view is opened."""
+
     def say(self, text: str) -> None:
         """Show a line of text below the header."""
 

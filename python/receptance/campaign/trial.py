@@ -233,6 +233,16 @@ class Trial:
             variants=tuple(variants), values=MappingProxyType(values),
         )  # fmt: skip
 
+    def as_fitted(self, variants: Sequence[Variant], values: Mapping[str, float]) -> Trial:
+        """Return the trial in which exactly these causes act, at the values of a fit.
+
+        Values of others than its unknowns, or beyond their bounds, are left out. Raises as `with_causes`.
+        """
+        trial = self.with_causes(variants)
+        fitting = {u.name: values[u.name] for u in trial.unknowns
+                   if u.name in values and u.lower <= values[u.name] <= u.upper}  # fmt: skip
+        return trial.at(fitting)
+
     def variants_of(self, cause: Cause) -> list[Variant]:
         """Return the ways in which a cause can act on the model; raises as `Cause.extensions`."""
         return [variant for variant, _ in cause.extensions(self.described or self.model)]

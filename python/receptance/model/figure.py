@@ -31,6 +31,10 @@ _CHARACTER = 0.068
 """Width of a character of a label in inches."""
 _SIZE = 8.5
 """Size of labels in points."""
+_THUMBNAIL = 2.0
+"""Width of an outline in inches."""
+_OVER = 0.03
+"""Room at the ends of an outline as a share of its length."""
 _FILLS = ("#C9D3DC", "#8E9AA6", "#E3D3B4", "#B9CDB5", "#D8BFD0")
 """Fills of materials in the order in which they occur."""
 _MM = 1e3
@@ -90,6 +94,21 @@ def draw_assemblies(drawings: Sequence[Drawing], ax: Axes | None = None, *, titl
         add_legend(figure, handles=patches, loc="outside lower right", ncols=len(patches))
     if title:
         title_left(figure, title, 11.0)
+    return finished(figure)
+
+
+def draw_outline(assembly: Assembly, length: float, radius: float, width: float = _THUMBNAIL) -> Figure:
+    """Draw the beginning of an assembly to scale without labels, such as a tool in its holder.
+
+    `length` is what is drawn from the tip on and `radius` the room beside the axis, both in mm; equal ones give several
+    drawings one scale. `width` is in inches.
+    """
+    over = _OVER * length
+    figure = surface(None, width, width * 2.0 * radius / (length + 2.0 * over))
+    (axes,) = panels(figure, 1, 1)
+    Sketch(Drawing(assembly), length / width, (-over, length + over), {}).draw_shapes(axes)
+    axes.set_ylim(-radius, radius)
+    axes.set_axis_off()
     return finished(figure)
 
 

@@ -197,6 +197,7 @@ _ROLES = {
     COLOURS[1].lower(): "before",
     COLOURS[2].lower(): "after",
     BAND.lower(): "band",
+    BAD.lower(): "bad",
 }
 """Names of the colours in a page, which has values of them for a light and a dark background."""
 _COLOUR = re.compile("|".join(map(re.escape, _ROLES)), re.IGNORECASE)
