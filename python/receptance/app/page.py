@@ -18,6 +18,7 @@ from receptance.app.document import CAMPAIGN_FILE, ConflictError
 from receptance.app.file_view import FileView
 from receptance.app.model_view import ModelView
 from receptance.app.session import Session
+from receptance.app.start_view import StartView, upload_limit
 from receptance.app.view import View
 
 _POLL_MS = 200
@@ -44,14 +45,16 @@ class CampaignPage:
         doc.theme, doc.title, doc.template = look.theme(dark), "receptance", look.template()
         doc.template_variables.update(dark=dark, c=look.palette(dark))
         self._open(self.query.get("file", CAMPAIGN_FILE))
-        self.views: dict[str, View] = {"model": ModelView(self), "file": FileView(self)}
+        self.views: dict[str, View] = {"start": StartView(self), "model": ModelView(self), "file": FileView(self)}
         panels = [TabPanel(title=view.title, child=view.layout) for view in self.views.values()]
         names = list(self.views)
-        start = "model" if self.session.trial is not None else "file"
+        document, trial = self.session.document, self.session.trial
+        start = "start" if document is None else "file" if trial is None else "model"
         self.tabs = Tabs(tabs=panels, active=names.index(self.query.get("view", start)), sizing_mode="stretch_width")
         self.tabs.on_change("active", lambda attr, old, new: self.remember(view=names[new]))
         self.tabs.js_on_change("active", look.labels())
-        doc.js_on_event(DocumentReady, look.labels())
+        self.tabs.js_on_change("active", upload_limit())
+        doc.js_on_event(DocumentReady, look.labels(), upload_limit())
         doc.add_root(column(self._header(), self.status, self.tabs, sizing_mode="stretch_width"))
         doc.add_periodic_callback(self._poll, _POLL_MS)
 
@@ -95,6 +98,10 @@ class CampaignPage:
         """Keep state in the address; empty values are left out."""
         self.query = {name: value for name, value in {**self.query, **state}.items() if value}
         self.status.tags = [urlencode(self.query)]
+
+    def turn_to(self, view: str) -> None:
+        """Show another view by its name."""
+        self.tabs.active = list(self.views).index(view)
 
     def later(self, call: Callable[[], Any]) -> None:
         """Call a function in the next turn of the server's loop."""

@@ -133,7 +133,7 @@ def review(
     >>> [asked.question.name for asked in answers.missing]
     ['tool_material', 'holder', 'holder_material', 'insertion', 'support']
     >>> [asked.problem for asked in answers.wrong]
-    ['is "2", without a unit, expected a mass with its unit, such as "0.6 g", or none']
+    ['is "2", without a unit, expected a mass as text with a unit, such as "0.6 g", or none']
     """
     reader = _Reader(texts, materials, folder)
     measured = [replace(item, table=dict(item.table)) for item in measurements]

@@ -31,8 +31,8 @@ def outlines(answers: Answers, folder: Path) -> dict[str, Assembly]:
     >>> from pathlib import Path
     >>> from receptance.draft import outlines, review
     >>> answers = review([], {"tool": "20 mm", "holder": "48 mm x 50 mm"}, Path("campaign.toml"))
-    >>> outlines(answers, Path())
-    {'overhang not stated': Assembly(tool, joint, holder)}
+    >>> {title: list(assembly.elements) for title, assembly in outlines(answers, Path()).items()}
+    {'overhang not stated': ['tool', 'joint', 'holder']}
     """
     tool, holder = answers.tool, answers.holder
     if not tool or not holder:
