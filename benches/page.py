@@ -146,8 +146,9 @@ def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
             f"{records} records of {LINES} lines: address after {row['address_s']:.1f} s, first picture after "
             f"{row['first_picture_s']:.1f} s; from key to frame {row['painted_median_ms']:.0f} ms in the median, "
             f"{row['painted_95_ms']:.0f} ms at 95 %, {row['painted_max_ms']:.0f} ms at most "
-            f"({row['data_median_ms']:.0f} ms until the data are there); memory {row['memory_mb']:.0f} MB, after {row['moves']} moves "
-            f"{row['memory_after_mb']:.0f} MB; {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}\n"
+            f"({row['data_median_ms']:.0f} ms until the data are there); memory {row['memory_mb']:.0f} MB, "
+            f"after {row['moves']} moves {row['memory_after_mb']:.0f} MB; "
+            f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}\n"
         )
     if options.json:
         options.json.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")

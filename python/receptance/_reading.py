@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
-from typing import Annotated, Any, TypedDict, get_type_hints
+from typing import Annotated, Any, TypedDict, cast, get_type_hints
 
 from receptance.units import Form
 
@@ -102,6 +102,12 @@ class ReadingOptions(TypedDict, total=False):
     ]
 
 
+REPEATED = {"unit", "variables", "coherence_variables"}
+"""Options that are given once for each channel or variable."""
+LISTED = {"columns", "coherence_columns"}
+"""Options whose values are separated by commas."""
+
+
 def reading_options() -> dict[str, tuple[Any, Option]]:
     """Return the type and the declaration of each option by the name of its keyword argument."""
     hints = get_type_hints(ReadingOptions, include_extras=True)
@@ -112,3 +118,46 @@ def campaign_keys(*, records: bool) -> dict[str, str]:
     """Return the keys of an FRF, or of time records, in a campaign by the names of the keyword arguments."""
     keys = {name: option.records_key if records else option.frf_key for name, (_, option) in reading_options().items()}
     return {name: key or name for name, key in keys.items() if key is not None}
+
+
+def named_values(texts: Sequence[str], expected: str) -> dict[str, str]:
+    """Return names and values, separated by the last =, because names may contain one and units do not.
+
+    The message of a ValueError begins with "is".
+    """
+    values: dict[str, str] = {}
+    for text in texts:
+        key, sign, value = text.rpartition("=")
+        if not sign or not key or not value:
+            raise ValueError(f"is {text!r}, expected {expected}")
+        if key in values:
+            raise ValueError(f"is given twice for {key!r}, expected one")
+        values[key] = value
+    return values
+
+
+def channel_units(texts: Sequence[str]) -> str | dict[str, str]:
+    """Return the unit of FRFs, or those of channels from CHANNEL=UNIT; an error is that of `named_values`.
+
+    Examples
+    --------
+    >>> from receptance._reading import channel_units
+    >>> channel_units(["g/N"]), channel_units(["hammer=N", "tip=g"])
+    ('g/N', {'hammer': 'N', 'tip': 'g'})
+    """
+    if len(texts) == 1 and "=" not in texts[0]:
+        return texts[0]
+    return named_values(texts, "one unit, or CHANNEL=UNIT for each channel")
+
+
+def options_of_texts(values: Mapping[str, Any]) -> ReadingOptions:
+    """Return the keywords of `read_all` from options as texts, without those that are not stated."""
+    stated = {name: value for name, value in values.items() if value is not None and value is not False and value != []}
+    for name in REPEATED & stated.keys():
+        try:
+            stated[name] = channel_units(stated[name]) if name == "unit" else named_values(stated[name], "ROLE=NAME")
+        except ValueError as error:
+            raise ValueError(f"--{reading_options()[name][1].option or name} {error}") from None
+    for name in LISTED & stated.keys():
+        stated[name] = stated[name].split(",")
+    return cast(ReadingOptions, stated)

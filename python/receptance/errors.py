@@ -3,6 +3,8 @@
 import importlib.util
 import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from receptance._core import GrossSlipError, ReceptanceError, ResonanceError, SingularInterfaceError
 
@@ -13,6 +15,7 @@ __all__ = [
     "ReceptanceWarning",
     "ResonanceError",
     "SingularInterfaceError",
+    "collected_warnings",
     "warn_user",
 ]
 
@@ -31,6 +34,25 @@ def warn_user(text: str) -> None:
     while frame is not None and frame.f_globals.get("__name__", "").split(".")[0] == "receptance":
         level, frame = level + 1, frame.f_back  # type: ignore[assignment]
     warnings.warn(text, ReceptanceWarning, stacklevel=level + 1)
+
+
+@contextmanager
+def collected_warnings() -> Iterator[list[str]]:
+    """Collect the texts of the warnings of the library, in place of showing them; the list is full at the end.
+
+    Examples
+    --------
+    >>> from receptance.errors import collected_warnings, warn_user
+    >>> with collected_warnings() as notes:
+    ...     warn_user("a low coherence")
+    >>> notes
+    ['a low coherence']
+    """
+    notes: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ReceptanceWarning)
+        yield notes
+    notes += [str(warning.message) for warning in caught if issubclass(warning.category, ReceptanceWarning)]
 
 
 EXTRAS = {

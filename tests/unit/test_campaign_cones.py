@@ -12,7 +12,7 @@ from command_line import call
 from finite_elements import NU, RHO, E, cone, coupled
 from receptance import FRF, campaign
 from receptance.campaign import json_schema
-from receptance.cli.pieces import inserted, parse_pieces
+from receptance.draft import inserted, parse_pieces
 from receptance.diagnosis import CATALOGUE
 from receptance.io import write
 

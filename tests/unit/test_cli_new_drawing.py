@@ -12,7 +12,7 @@ import pytest
 import drawn_holder
 from command_line import call
 from receptance import CARBIDE, FRF, STEEL, Assembly, Part, PointJoint, Segment, campaign, drawing, insert
-from receptance.cli.pieces import DrawnHolder, parse_holder
+from receptance.draft import DrawnHolder, parse_holder
 from receptance.io import write
 
 JOINT = {"k_y": 2e8, "k_theta": 3e4, "c_y": 200.0, "c_theta": 0.05}

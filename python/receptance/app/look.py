@@ -105,15 +105,16 @@ svg.figure { max-width: 1100px; }"""
 
 def template() -> str:
     """Return the page around the views."""
-    return _resource("page.html")
+    return resource("page.html")
 
 
 def labels() -> CustomJS:
     """Return the script that names sliders, curves and tabs for screen readers, and gives tabs their keys."""
-    return CustomJS(code=_resource("labels.js"))
+    return CustomJS(code=resource("labels.js"))
 
 
-def _resource(name: str) -> str:
+def resource(name: str) -> str:
+    """Return the text of a file of this package."""
     return (resources.files("receptance.app") / name).read_text(encoding="utf-8")
 
 

@@ -19,6 +19,7 @@ from receptance.app.document import CAMPAIGN_FILE, ConflictError
 from receptance.app.file_view import FileView
 from receptance.app.model_view import ModelView
 from receptance.app.session import Session
+from receptance.app.start_view import StartView, upload_limit
 from receptance.app.use_view import UseView
 from receptance.app.view import View
 
@@ -47,16 +48,19 @@ class CampaignPage:
         doc.template_variables.update(dark=dark, c=look.palette(dark))
         self._open(self.query.get("file", CAMPAIGN_FILE))
         self._when_shown: dict[str, Callable[[], None]] = {}
-        self.query.setdefault("view", "model" if self.session.trial is not None else "file")
-        self.views: dict[str, View] = {
-            "model": ModelView(self), "ask": AskView(self), "use": UseView(self), "file": FileView(self),
-        }  # fmt: skip
-        panels = [TabPanel(title=view.title, child=view.layout) for view in self.views.values()]
-        names = list(self.views)
+        document, trial = self.session.document, self.session.trial
+        start = "start" if document is None else "file" if trial is None else "model"
+        names = ("start", "model", "ask", "use", "file")
+        asked = self.query.get("view", start)
+        self.query["view"] = asked if asked in names else start
+        views: list[View] = [StartView(self), ModelView(self), AskView(self), UseView(self), FileView(self)]
+        self.views = dict(zip(names, views, strict=True))
+        panels = [TabPanel(title=view.title, child=view.layout) for view in views]
         self.tabs = Tabs(tabs=panels, active=names.index(self.query["view"]), sizing_mode="stretch_width")
         self.tabs.on_change("active", lambda attr, old, new: self._turn_to(names[new]))
         self.tabs.js_on_change("active", look.labels())
-        doc.js_on_event(DocumentReady, look.labels())
+        self.tabs.js_on_change("active", upload_limit())
+        doc.js_on_event(DocumentReady, look.labels(), upload_limit())
         doc.add_root(column(self._header(), self.status, self.tabs, sizing_mode="stretch_width"))
         doc.add_periodic_callback(self._poll, _POLL_MS)
 
@@ -100,6 +104,10 @@ class CampaignPage:
         """Keep state in the address; empty values are left out."""
         self.query = {name: value for name, value in {**self.query, **state}.items() if value}
         self.status.tags = [urlencode(self.query)]
+
+    def turn_to(self, view: str) -> None:
+        """Show another view by its name."""
+        self.tabs.active = list(self.views).index(view)
 
     def later(self, call: Callable[[], Any], milliseconds: int = 0) -> None:
         """Call a function in the next turn of the server's loop, or after a time; threads may call this."""

@@ -38,5 +38,8 @@ class PageOfView(Protocol):
     def remember(self, **state: str) -> None:
         """Keep state in the address; empty values are left out."""
 
+    def turn_to(self, view: str) -> None:
+        """Show another view by its name."""
+
     def later(self, call: Callable[[], Any], milliseconds: int = 0) -> None:
         """Call a function in the next turn of the server's loop, or after a time; threads may call this."""

@@ -12,8 +12,8 @@ import typer
 from receptance import drawing, units
 from receptance._text import instead_of
 from receptance.cli.files import NoWindow, open_figure
-from receptance.cli.pieces import parse_material
 from receptance.cli.running import InputError, Targets, input_errors, takes_targets
+from receptance.draft.pieces import parse_material
 from receptance.errors import MissingExtraError
 from receptance.io import FileFormatError
 from receptance.model.beams import Material

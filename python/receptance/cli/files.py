@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import sys
 import tempfile
-import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 
 import receptance
 from receptance import io, report
-from receptance._reading import Option, ReadingOptions, reading_options
+from receptance._reading import LISTED, REPEATED, Option, ReadingOptions, options_of_texts, reading_options
 from receptance.cli.running import (
     InputError,
     Overwrite,
@@ -26,7 +25,7 @@ from receptance.cli.running import (
     takes_options,
     takes_targets,
 )
-from receptance.errors import ReceptanceWarning
+from receptance.errors import collected_warnings
 from receptance.units import form_name
 
 READING = "Reading of files that do not state everything"
@@ -39,11 +38,6 @@ MeasurementNumber = Annotated[
     ),
 ]
 
-_REPEATED = {"unit", "variables", "coherence_variables"}
-"""Options that are given once for each channel or variable."""
-_LISTED = {"columns", "coherence_columns"}
-"""Options whose values are separated by commas."""
-
 
 def takes_reading(*, several: bool = False) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a command the options of reading in place of its parameter `reading`, the keywords of `read_all`.
@@ -51,7 +45,7 @@ def takes_reading(*, several: bool = False) -> Callable[[Callable[..., None]], C
     With `several` the command reads several files, and `coherence` is a list with a file for each.
     """
     options = {name: _declared(name, kind, option, several) for name, (kind, option) in reading_options().items()}
-    return takes_options("reading", options, reading_of)
+    return takes_options("reading", options, _reading_of)
 
 
 def _declared(name: str, kind: Any, option: Option, several: bool) -> tuple[Any, Any]:
@@ -61,10 +55,10 @@ def _declared(name: str, kind: Any, option: Option, several: bool) -> tuple[Any,
     if name == "coherence":
         typed = list[Path] | None if several else Path | None
         text += "; once for each file in their order" if several else ""
-    elif name in _REPEATED:
+    elif name in REPEATED:
         typed = list[str] | None
         text += "; may be repeated"
-    elif name in _LISTED:
+    elif name in LISTED:
         text += "; separated by commas"
     declared = typer.Option(
         f"--{option.option or name.replace('_', '-')}",
@@ -75,54 +69,21 @@ def _declared(name: str, kind: Any, option: Option, several: bool) -> tuple[Any,
     return Annotated[typed, declared], False if kind is bool else None
 
 
-def reading_of(given: Mapping[str, Any]) -> ReadingOptions:
-    """Return the keywords of `read_all` from options of a command, without those that were not given."""
-    found = {name: value for name, value in given.items() if value is not None and value is not False and value != []}
-    for name in _REPEATED & found.keys():
-        texts, option = found[name], f"--{reading_options()[name][1].option or name}"
-        if name != "unit":
-            found[name] = named_values(texts, option, "ROLE=NAME")
-        elif len(texts) == 1 and "=" not in texts[0]:
-            found[name] = texts[0]  # of FRFs
-        else:
-            found[name] = named_values(texts, option, "one unit, or CHANNEL=UNIT for each channel")
-    for name in _LISTED & found.keys():
-        found[name] = found[name].split(",")
-    return cast(ReadingOptions, found)
+def _reading_of(values: Mapping[str, Any]) -> ReadingOptions:
+    with input_errors():
+        return options_of_texts(values)
 
 
-@contextmanager
-def collected_warnings() -> Iterator[list[str]]:
-    """Collect the texts of the warnings of readers and writers, in place of showing them."""
-    notes: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", ReceptanceWarning)
-        yield notes
-    notes += [str(one.message) for one in caught if issubclass(one.category, ReceptanceWarning)]
-
-
-def read_measurements(
-    source: Path, reading: ReadingOptions, number: int | None
-) -> tuple[list[io.measurements.Measurement], list[str]]:
-    """Return all measurements of a file, or the only one of a number from 1, and the warnings of its reader."""
-    with collected_warnings() as notes:
-        found = io.read_all(source, **reading)
-    if number is not None and number > len(found):
-        raise ValueError(f"--number is {number}, but there are {len(found)}: {'; '.join(map(repr, found[:6]))}")
-    return found if number is None else [found[number - 1]], notes
-
-
-def named_values(texts: Sequence[str], option: str, expected: str) -> dict[str, str]:
-    """Return names and values, separated by the last =, because names may contain one and units do not."""
-    values: dict[str, str] = {}
-    for text in texts:
-        key, sign, value = text.rpartition("=")
-        if not sign or not key or not value:
-            raise InputError(f"{option} is {text!r}, expected {expected}")
-        if key in values:
-            raise InputError(f"{option} is given twice for {key!r}, expected one")
-        values[key] = value
-    return values
+def read_measurements(source: Path, reading: ReadingOptions, number: int | None) -> io.contents.FileContents:
+    """Return the contents of a file, or the only measurement of a number from 1."""
+    contents = io.contents.FileContents.read(source, **reading)
+    measurements = contents.measurements
+    if number is None:
+        return contents
+    if number > len(measurements):
+        listed = "; ".join(map(repr, measurements[:6]))
+        raise ValueError(f"--number is {number}, but there are {len(measurements)}: {listed}")
+    return replace(contents, measurements=(measurements[number - 1],))
 
 
 # Commands -------------------------------------------------------------------------------------------------------------
@@ -146,9 +107,7 @@ def show(
     targets.protect(source, "the file to show")
     targets.require_new()
     with input_errors():
-        found, warned = read_measurements(source, reading, number)
-        read_as = reading.get("format") or io.files.file_format(source)
-    contents = io.contents.FileContents(source.name, io.files.FORMATS[read_as].title, tuple(found), tuple(warned))
+        contents = read_measurements(source, reading, number)
     targets.show(contents)
     if not no_window and not targets.asked:
         open_figure(targets.console(), contents.plot, source.stem)
@@ -192,13 +151,13 @@ def convert(
         raise InputError(f"IN and OUT are both {source}; give two files")
     refuse_existing("OUT", target, overwrite=overwrite)
     with input_errors(), collected_warnings() as further:
-        found, notes = read_measurements(source, reading, number)
-        written = [_as_form(thing, form) for thing in found]
+        contents = read_measurements(source, reading, number)
+        written = [_as_form(thing, form) for thing in contents.measurements]
         io.write(target, written, format=target_format)
     console = output()
     for thing in written:
         console.print(f"{thing!r}", soft_wrap=True)
-    for note in dict.fromkeys([*notes, *further, *(note for thing in written for note in thing.notes)]):
+    for note in dict.fromkeys([*contents.warned, *further, *(note for thing in written for note in thing.notes)]):
         console.print(f"Note: {note}", soft_wrap=True)
     console.print(f"Written: {target}", soft_wrap=True)
 

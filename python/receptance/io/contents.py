@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from os import PathLike
+from pathlib import Path
+from typing import Any, Unpack
 
 import numpy as np
 
+from receptance.errors import collected_warnings
 from receptance.frf import FRF
+from receptance.io.build import ReadKeywords
+from receptance.io.files import FORMATS, file_format, read_all
 from receptance.io.measurements import Measurement, TimeSeries
 from receptance.report import Provenance, Result, Table
 
@@ -40,6 +45,14 @@ class FileContents(Result):
 
     heading = "Contents of a file"
     plotted_by = "receptance.io.figure:draw_contents"
+
+    @classmethod
+    def read(cls, path: str | PathLike[str], **options: Unpack[ReadKeywords]) -> FileContents:
+        """Return what a file contains, with the warnings of its reader; options and errors are those of `read_all`."""
+        with collected_warnings() as warned:
+            measurements = read_all(path, **options)
+            kind = options.get("format") or file_format(path)
+        return cls(Path(path).name, FORMATS[kind].title, tuple(measurements), tuple(warned))
 
     @property
     def title(self) -> str:

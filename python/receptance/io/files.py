@@ -59,6 +59,8 @@ FORMATS = {
 _ENDINGS = {ending: name for name, one in FORMATS.items() for ending in one.endings}
 _TABLE_ENDINGS = (".txt", ".tsv", ".asc", ".dat")
 """Further extensions of tables, which are read but not written."""
+ENDINGS = (*_ENDINGS, *_TABLE_ENDINGS)
+"""Endings of files that are read."""
 _ARRAY_WRITERS = {"npz": npz_bytes, "mat": mat_bytes, "hdf5": hdf5_bytes}
 _GZIP_SIGNATURE = b"\x1f\x8b"
 _START = 4096

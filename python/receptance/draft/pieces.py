@@ -1,4 +1,4 @@
-"""Tools, holders and materials as text: the answers of `new`."""
+"""Tools, holders and materials as text: answers of a new campaign."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def parse_pieces(text: str, *, shank: bool = False) -> list[HolderRow]:
 
     Examples
     --------
-    >>> from receptance.cli.pieces import parse_pieces
+    >>> from receptance.draft import parse_pieces
     >>> [(piece.length, piece.outer_diameter, piece.inner_diameter) for piece in parse_pieces("48 mm x 50/20 mm")]
     [(0.048, 0.05, 0.02)]
     >>> (cone,) = parse_pieces("48 mm x 50-60/20 mm")
@@ -127,20 +127,21 @@ def _ends(piece: HolderRow) -> tuple[tuple[float, float], tuple[float, float]]:
     return (piece.outer_diameter, piece.inner_diameter), end
 
 
-def parse_holder(text: str) -> list[HolderRow] | DrawnHolder:
+def parse_holder(text: str, folder: Path | None = None) -> list[HolderRow] | DrawnHolder:
     """Return the pieces of a holder, from their text or from a file, FILE:NAME if it has several holders.
 
-    A DXF file is a drawing, which is read to find its mistakes.
+    A DXF file is a drawing, which is read to find its mistakes. With a folder files are named from there, and none
+    outside of it is read.
     """
     if text.lower().endswith(".dxf"):
-        return _drawn_holder(Path(text))
-    path, name = Path(text), ""
+        return _drawn_holder(_below(folder, text), folder=folder)
+    path, name = _below(folder, text), ""
     if not path.is_file() and ":" in text:
         file, _, name = text.rpartition(":")
-        path = Path(file)
+        path = _below(folder, file)
     ending = path.suffix.lower()
     if ending == ".csv" and path.is_file() and _is_profile(path):
-        return _drawn_holder(path)
+        return _drawn_holder(path, folder=folder)
     if ending not in (".csv", ".toml"):
         if path.is_file():
             raise ValueError(f"is {shown(text)}, a file with the ending {ending or 'none'}, expected .csv or .toml")
@@ -148,7 +149,7 @@ def parse_holder(text: str) -> list[HolderRow] | DrawnHolder:
     if not path.is_file():
         raise ValueError(f"is {shown(text)}, but there is no file {path}")
     try:
-        holders = read_holders(path) if ending == ".csv" else _holders_of_toml(path)
+        holders = read_holders(path) if ending == ".csv" else _holders_of_toml(path, folder)
     except CampaignError as error:
         raise ValueError(f"names a file with mistakes: {error}") from None
     first = next(iter(holders))
@@ -159,6 +160,20 @@ def parse_holder(text: str) -> list[HolderRow] | DrawnHolder:
     return holders[name or first]
 
 
+def _below(folder: Path | None, text: str) -> Path:
+    """Return the path of a file that a text names; in a folder it has to be below."""
+    if folder is None:
+        return Path(text)
+    try:
+        path = (folder / text).resolve()
+        path.is_file()
+    except (OSError, ValueError):  # pieces are no name of a file
+        return folder / "none"
+    if not path.is_relative_to(folder.resolve()):
+        raise ValueError(f"is {shown(text)}, which is not below the folder that was opened")
+    return path
+
+
 def _is_profile(path: Path) -> bool:
     """Return whether a CSV file has the points of a contour: a column x and none of lengths."""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
@@ -167,9 +182,9 @@ def _is_profile(path: Path) -> bool:
     return "x" in names and "length" not in names
 
 
-def _drawn_holder(path: Path, table: PartTable | None = None) -> DrawnHolder:
+def _drawn_holder(path: Path, table: PartTable | None = None, *, folder: Path | None = None) -> DrawnHolder:
     """Return a holder as a drawing that can be read, with the keys of a part of a campaign."""
-    if not path.is_file():
+    if not _below(folder, str(path)).is_file():
         raise ValueError(f"is {shown(str(path))}, but there is no file {path}")
     keys = {} if table is None else {key: getattr(table, key) for key in _OF_DRAWING if key in table.written}
     options: Any = {{"within": "tolerance"}.get(key, key): value for key, value in keys.items()}
@@ -196,7 +211,7 @@ class _HolderKeys(PartTable):
     segments = ListOf("", element_keys(Segment, defaults={"material": ""}), least=1).default([])
 
 
-def _holders_of_toml(path: Path) -> dict[str, list[HolderRow] | DrawnHolder]:
+def _holders_of_toml(path: Path, folder: Path | None) -> dict[str, list[HolderRow] | DrawnHolder]:
     """Return the parts of a TOML file: `[[parts.NAME.segments]]`, or `[[segments]]` of the only one, or a contour."""
     data, text = read_contents(path)
     problems = Problems(text)
@@ -226,7 +241,7 @@ def _holders_of_toml(path: Path) -> dict[str, list[HolderRow] | DrawnHolder]:
             for row in part.segments
         ]
         if part.contour is None
-        else _drawn_holder(path.parent / part.contour, part)
+        else _drawn_holder(path.parent / part.contour, part, folder=folder)
         for name, part in holders.items()
     }
 
@@ -282,7 +297,7 @@ def parse_material(text: str) -> Material:
 
     Examples
     --------
-    >>> from receptance.cli.pieces import parse_material
+    >>> from receptance.draft import parse_material
     >>> parse_material("aluminium = 70 GPa, 2700 kg/m^3, 0.33").youngs_modulus
     70000000000.0
     """
