@@ -111,7 +111,7 @@ class AskView:
         self._session.edit(document)
         table = None if verdict is None else held_out_table(verdict).without_empty()
         gains = table_html(table) if table is not None and table.rows else ""
-        self._accepted.text = f"<h2>{escape(document.file.name)}, not saved</h2>{gains}"
+        self._accepted.text = f"<h2>{escape(document.file.name)}</h2>{gains}"
         self._accepted.visible = True
         self._page.say(f"{document.file.name} is open and not saved")
 
