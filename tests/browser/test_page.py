@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
-from browser_page import WAIT_MS, Served, Tabs, browser, go_to, is_own, not_focused, served, tab_through
-from receptance import examples
+from browser_page import WAIT_MS, Served, Tabs, browser, go_to, is_own, not_focused, served, tab_through, views
+from limits import LIMIT_S
+from receptance import campaign, examples
 
 pytestmark = pytest.mark.slow
 playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install playwright")
@@ -88,7 +89,7 @@ def test_a_mistake_is_shown_at_its_line_and_mended_in_place(server: Served, tabs
     line = next(number for number, text in enumerate(right.splitlines(), 1) if text.startswith("title"))
     file.write_text(right.replace("title", "titel", 1), encoding="utf-8")
     page = tabs.open(server.address)
-    page.get_by_text(re.compile(rf"line {line}\b.*titel|titel.*line {line}\b")).wait_for()
+    page.get_by_text(re.compile(rf"line {line}\b.*titel|titel.*line {line}\b")).first.wait_for()
     text = page.get_by_label("Campaign file")
     text.fill(right)
     page.get_by_role("button", name="Check").click()
@@ -150,8 +151,8 @@ def test_light_and_dark(server: Served, tabs: Tabs) -> None:
 
 
 def test_all_is_reached_by_keyboard(server: Served, tabs: Tabs) -> None:
-    page = tabs.open(server.address)
-    names = page.get_by_role("tab").all_inner_texts()
+    page = tabs.open(f"{server.address}?view=start")
+    names = views(page).all_inner_texts()
     for number, name in enumerate(names):
         if number:
             page.keyboard.press("ArrowRight")
@@ -166,7 +167,7 @@ def test_all_is_reached_by_keyboard(server: Served, tabs: Tabs) -> None:
 
 def test_nothing_is_asked_from_elsewhere(server: Served, tabs: Tabs) -> None:
     page = tabs.open(server.address)
-    for name in page.get_by_role("tab").all_inner_texts():
+    for name in views(page).all_inner_texts():
         go_to(page, name)
         page.wait_for_load_state("networkidle")
     assert tabs.requests
@@ -178,7 +179,7 @@ def test_nothing_is_asked_from_elsewhere(server: Served, tabs: Tabs) -> None:
 def test_every_view_is_accessible(server: Served, tabs: Tabs, theme: str) -> None:
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
     page = tabs.open(f"{server.address}?theme={theme}")
-    for name in page.get_by_role("tab").all_inner_texts():
+    for name in views(page).all_inner_texts():
         go_to(page, name)
         page.get_by_role("tab", name=name, selected=True).wait_for()
         page.wait_for_timeout(1000)  # labels of curves and sliders are set after they are drawn
@@ -192,7 +193,7 @@ def test_every_view_is_accessible(server: Served, tabs: Tabs, theme: str) -> Non
 
 def test_figures_are_zoomed_together_by_keyboard(server: Served, tabs: Tabs) -> None:
     page = tabs.open(server.address)
-    ends = """() => [...Bokeh.documents[0]._all_models.values()].filter(m => m.x_range && m.y_range)
+    ends = """() => [...Bokeh.documents[0]._all_models.values()].filter(m => m.x_range && m.renderers.some(r => r.data_source?.name == 'moving'))
         .map(m => [m.x_range.start, m.x_range.end])"""
     whole = page.evaluate(ends)
     assert len(whole) >= 2
@@ -204,3 +205,54 @@ def test_figures_are_zoomed_together_by_keyboard(server: Served, tabs: Tabs) -> 
     assert whole[0][0] < near[0][0] < near[0][1] < whole[0][1]
     page.keyboard.press("0")
     assert page.evaluate(ends) == whole
+
+
+# From data to a cause.
+
+
+def _choose_files(page: Any, *files: Path) -> None:
+    page.locator("input[type=file]").first.set_input_files([str(file) for file in files])
+
+
+def test_files_that_are_no_measurements_are_refused(program: Any, tabs: Tabs, tmp_path: Path) -> None:
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    files = {
+        "picture.png": bytes(range(256)),
+        "empty.csv": b"",
+        "letter.csv": b"Dear reader,\nthis is no measurement.\n",
+    }
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content)
+    with served(folder) as running:
+        page = tabs.open(running.address)
+        for name in files:
+            _choose_files(page, tmp_path / name)
+            page.get_by_text(re.compile(rf"{re.escape(name)}")).first.wait_for()
+        assert running.process.poll() is None
+    assert [path.name for path in folder.iterdir()] == []
+
+
+def test_a_diagnosis_is_stopped_with_the_answer_so_far(server: Served, tabs: Tabs) -> None:
+    page = tabs.open(f"{server.address}?view=ask")
+    page.get_by_role("button", name="Diagnose").click()
+    page.get_by_role("button", name="Stop").click()
+    page.get_by_text(re.compile("diagnose: stopped")).wait_for()
+    page.get_by_role("button", name="Diagnose").wait_for()
+    assert not tabs.console
+
+
+def test_the_forgotten_sensor_is_named_accepted_and_saved(server: Served, tabs: Tabs) -> None:
+    page = tabs.open(f"{server.address}?view=ask")
+    page.get_by_role("button", name="Diagnose").click()
+    page.get_by_text(re.compile("diagnose: done")).wait_for(timeout=1e3 * LIMIT_S)
+    page.get_by_text(re.compile("sensor", re.IGNORECASE)).first.wait_for()
+    page.get_by_role("button", name="Accept").click()
+    page.get_by_text("extended.toml is open and not saved").wait_for()
+    assert not (server.folder / "extended.toml").exists()
+    page.get_by_role("button", name="Save").click()
+    page.get_by_text("saved", exact=True).wait_for()
+    extended = campaign.load(server.folder / "extended.toml")
+    before = campaign.load(server.folder)
+    assert extended.predict().to_dict() != before.predict().to_dict()
+    assert not tabs.console
