@@ -52,26 +52,27 @@ class StartView:
     def __init__(self, page: PageOfView) -> None:
         self._page, self._session = page, page.session
         self.start = Start(page.session.folder)
-        self._fields: dict[tuple[str, str], _Field] = {}
+        self.fields: dict[tuple[str, str], _Field] = {}
         self._pending: dict[str, bytes] = {}
+        self._arrived: dict[str, list[str]] = {"filename": [], "value": []}
         accept = ",".join((*ENDINGS, *HOLDER_ENDINGS))
         self.drop = FileInput(
             title="Drop your measurement files", multiple=True, accept=accept, width=400, stylesheets=[_DROP]
         )
         self.drop.on_change("value", self._dropped)
         self.drop.on_change("filename", self._dropped)
-        self.chosen = MultiChoice(title="Files of the campaign", options=self.start.available, value=[], width=400)
+        self.chosen = MultiChoice(title="Files of the campaign", options=self._options(), value=[], width=400)
         self.chosen.on_change("value", lambda attr, old, new: self._choose(new))
         self.conflict = look.text(role="alert")
-        self.replace: Button = look.button("Replace", self._replace, width=150)
-        self.keep: Button = look.button("Keep the old ones", self._keep, width=150)
+        self.replace: Button = look.button("Replace", self.replace_files, width=150)
+        self.keep: Button = look.button("Keep the old ones", self.keep_files, width=150)
         self._of_conflict = row(self.replace, self.keep, visible=False)
         self._questions = column(width=410)
         self.figure = look.text(classes=["drawing"])
         self.figure.stylesheets = [_FIGURE]
         self.summary, self.contents = look.text(role="status"), look.text()
-        self.write: Button = look.button("Write campaign", self._write, primary=True, width=150)
-        self.overwrite: Button = look.button("Replace campaign.toml", self._overwrite, width=180)
+        self.write: Button = look.button("Write campaign", self.write_campaign, primary=True, width=150)
+        self.overwrite: Button = look.button("Replace campaign.toml", self.replace_campaign, width=180)
         self.overwrite.visible = False
         self.layout: LayoutDOM = row(
             column(self.drop, self.conflict, self._of_conflict, self.chosen, self._questions,
@@ -83,11 +84,17 @@ class StartView:
 
     # Files.
 
+    def _options(self) -> list[tuple[str, str]]:
+        # Labels are HTML.
+        return [(name, escape(name)) for name in self.start.available]
+
     def _dropped(self, attr: str, old: Any, new: Any) -> None:
-        values, names = self.drop.value, self.drop.filename
-        # Both arrive one after the other.
-        if not isinstance(values, list) or not isinstance(names, list) or len(values) != len(names) or not names:
+        # Both arrive one after the other, and are emptied by `clear`.
+        self._arrived[attr] = new or []
+        names, values = self._arrived["filename"], self._arrived["value"]
+        if not names or len(names) != len(values):
             return
+        self._arrived = {"filename": [], "value": []}
         try:
             contents = {name: base64.b64decode(value, validate=True) for name, value in zip(names, values, strict=True)}
         except binascii.Error as error:
@@ -112,22 +119,24 @@ class StartView:
         self._close_conflict()
         self._page.say("")
         self.start.forget(names)
-        self.chosen.options = self.start.available
+        self.chosen.options = self._options()
         drawings = [name for name in names if name.lower().endswith(HOLDER_ENDINGS)]
         value = list(dict.fromkeys([*self.chosen.value, *(name for name in names if name not in drawings)]))
         if value == self.chosen.value:
             self.show()
         self.chosen.value = value
         if drawings and "holder" not in self.start.texts:
-            self._fields["holder", ""].input.value = drawings[0]
+            self.fields["holder", ""].input.value = drawings[0]
 
     def _close_conflict(self) -> None:
         self._pending, self.conflict.text, self._of_conflict.visible = {}, "", False
 
-    def _replace(self) -> None:
+    def replace_files(self) -> None:
+        """Write the dropped files over those of the folder."""
         self.receive(self._pending, replace=True)
 
-    def _keep(self) -> None:
+    def keep_files(self) -> None:
+        """Use the files of the folder in place of dropped ones with their names."""
         kept = [name for name in self._pending if name in self.start.available]
         rest = {name: content for name, content in self._pending.items() if name not in kept}
         self._close_conflict()
@@ -164,7 +173,7 @@ class StartView:
             except draft.DraftError as error:
                 problem = look.items(map(str, error.mistakes))
                 for mistake in error.mistakes:
-                    for (name, file), field in self._fields.items():
+                    for (name, file), field in self.fields.items():
                         if name == mistake.name and file in ("", mistake.of):
                             field.show(mistake.text)
             except (ValueError, OSError, ReceptanceError) as error:
@@ -183,11 +192,11 @@ class StartView:
         for asked in () if answers is None else answers.asked:
             key = (asked.question.name, asked.file)
             wanted[key] = (asked.text, asked.question.example, asked.problem)
-        self._fields = {
-            key: self._fields.get(key) or _Field(self, key[0], label, example, key[1])
+        self.fields = {
+            key: self.fields.get(key) or _Field(self, key[0], label, example, key[1])
             for key, (label, example, _) in wanted.items()
         }
-        for (name, file), field in self._fields.items():
+        for (name, file), field in self.fields.items():
             text = self.start.texts.get(name, "")
             text = text.get(file, "") if isinstance(text, dict) else text
             if field.input.value.strip() != text:
@@ -195,7 +204,7 @@ class StartView:
             label, _, problem = wanted[name, file]
             field.input.title = label
             field.show(problem and f"this {problem}")
-        layouts = [field.layout for field in self._fields.values()]
+        layouts = [field.layout for field in self.fields.values()]
         if layouts != self._questions.children:
             self._questions.children = layouts
 
@@ -216,14 +225,16 @@ class StartView:
 
     # The campaign.
 
-    def _write(self) -> None:
+    def write_campaign(self) -> None:
+        """Write the campaign, unless there is one."""
         try:
             self._written(replace=False)
         except FileExistsError as error:
             self._page.say(str(error))
             self.overwrite.visible = True
 
-    def _overwrite(self) -> None:
+    def replace_campaign(self) -> None:
+        """Write the campaign over another one."""
         self._written(replace=True)
 
     def _written(self, *, replace: bool) -> None:
@@ -252,7 +263,8 @@ def _contents_html(file: ChosenFile) -> str:
 
 
 def _summary_html(made: draft.Draft) -> str:
-    lists = {"Assumed, and commented in the file": made.assumed, "Missing": made.missing, "Notes": report.result.grouped_notes(made.notes)}
+    notes = report.result.grouped_notes(made.notes)
+    lists = {"Assumed, and commented in the file": made.assumed, "Missing": made.missing, "Notes": notes}
     return "".join(f"<b>{escape(name)}</b>{look.items(texts)}" for name, texts in lists.items() if texts)
 
 
