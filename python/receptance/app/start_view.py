@@ -21,10 +21,11 @@ from receptance.io.files import ENDINGS
 from receptance.model.figure import Drawing, draw_assemblies
 from receptance.report.html import table_html
 
-_DROP = (
-    "input { padding: 28px 12px; border: 2px dashed var(--accent); border-radius: 6px; width: 100%; color: inherit; }"
+_DROP = """input[type=file] { padding: 28px 12px !important; height: auto !important; color: var(--ink) !important;
+border: 2px dashed var(--accent) !important; background: var(--panel) !important; }"""
+_FIGURE = (
+    """:host, .bk-clearfix { width: 100%; } svg { width: 100%; height: auto; max-width: 1000px; fill: var(--ink); }"""
 )
-_FIGURE = "svg { width: 100%; height: auto; max-width: 1100px; }"
 _PROBLEM = ":host { border-left: 3px solid #D55E00; padding-left: 6px; }"
 
 
@@ -32,7 +33,9 @@ class _Field:
     """The input of an answer with its mistake below."""
 
     def __init__(self, view: StartView, name: str, label: str, example: str, file: str = "") -> None:
-        self.input = TextInput(title=label, placeholder=example, name=f"{name} {file}".strip(), width=400)
+        self.input = TextInput(
+            title=label, placeholder=example, name=f"{name} {file}".strip(), width=400, stylesheets=[look.INPUT]
+        )
         self.problem = look.text(role="status")
         self.problem.stylesheets = [_PROBLEM]
         self.problem.visible = False
@@ -64,6 +67,7 @@ class StartView:
         self.chosen = MultiChoice(title="Files of the campaign", options=self._options(), value=[], width=400)
         self.chosen.on_change("value", lambda attr, old, new: self._choose(new))
         self.conflict = look.text(role="alert")
+        self.conflict.visible = False
         self.replace: Button = look.button("Replace", self.replace_files, width=150)
         self.keep: Button = look.button("Keep the old ones", self.keep_files, width=150)
         self._of_conflict = row(self.replace, self.keep, visible=False)
@@ -110,7 +114,7 @@ class StartView:
             names = store(self.start.folder, contents, replace=replace)
         except ExistingFilesError as error:
             self._pending = contents
-            self.conflict.text = escape(str(error))
+            self.conflict.text, self.conflict.visible = escape(str(error)), True
             self._of_conflict.visible = True
             return
         except (ValueError, OSError) as error:
@@ -129,7 +133,8 @@ class StartView:
             self.fields["holder", ""].input.value = drawings[0]
 
     def _close_conflict(self) -> None:
-        self._pending, self.conflict.text, self._of_conflict.visible = {}, "", False
+        self._pending, self.conflict.text = {}, ""
+        self.conflict.visible = self._of_conflict.visible = False
 
     def replace_files(self) -> None:
         """Write the dropped files over those of the folder."""
