@@ -198,6 +198,19 @@ def test_the_header_of_a_table_is_asked(folder: Path) -> None:
     assert 'columns = ["Frequenz [Hz]"' in (folder / "campaign.toml").read_text()
 
 
+def test_the_channel_of_several_is_asked(folder: Path) -> None:
+    rows = "".join(f"{1e-4 * i:.4f},{i % 7},{i % 5},{i % 3}\n" for i in range(400))
+    _, view = start_view(folder)
+    drop(view, {"hit_60mm.csv": f"time [s],hammer [N],other [N],tip [g]\n{rows}".encode()})
+    assert list(view.fields) == [("force", "")]
+    fill(view, {"force": "hamer"})
+    assert "did you mean" in view.contents.text
+    fill(view, {"force": "hammer"})
+    assert ("overhang", "hit_60mm") in view.fields
+    (measurement,) = view.start.measurements
+    assert (measurement.table["force"], measurement.table["motion"]) == ("hammer", "tip")
+
+
 def test_a_drawing_that_is_dropped_is_the_holder(measured: dict[str, bytes], folder: Path, tmp_path: Path) -> None:
     examples.write("drawing", tmp_path / "drawn")
     (drawing,) = (tmp_path / "drawn").glob("*.dxf")
