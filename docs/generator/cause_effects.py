@@ -38,7 +38,8 @@ from receptance.diagnosis.thresholds import LARGE_SIZE
 from receptance.fit import Tolerance
 from receptance.fit.observation import altered
 from receptance.fit.predictor import Predictor
-from receptance.report.figure import COLOURS, INK, PALE, new_figure, set_up
+from receptance.report.colours import COLOURS, INK, PALE
+from receptance.report.figure import new_figure, set_up
 
 __all__ = ["Effect", "effect", "figure", "look_alikes"]
 

@@ -1,3 +1,4 @@
+from . import app as app
 from . import campaign as campaign
 from . import catalogue as catalogue
 from . import coupling as coupling

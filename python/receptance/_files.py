@@ -118,6 +118,27 @@ def created_folder(target: Path) -> Iterator[None]:
         raise
 
 
+def new_path(folder: Path, stem: str, ending: str) -> Path:
+    """Return the path of a file that does not exist: `stem` with an ending, with a number where that exists.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from receptance._files import new_path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     first = new_path(Path(folder), "lobes", ".svg")
+    ...     first.touch()
+    ...     first.name, new_path(Path(folder), "lobes", ".svg").name
+    ('lobes.svg', 'lobes-2.svg')
+    """
+    path, number = folder / f"{stem}{ending}", 1
+    while path.exists() or path.is_symlink():
+        number += 1
+        path = folder / f"{stem}-{number}{ending}"
+    return path
+
+
 def write_whole(contents: Mapping[Path, bytes]) -> None:
     """Write files under temporary names next to their targets, then rename all of them.
 

@@ -62,6 +62,7 @@ EXTRAS = {
     "dask": ("distributed",),
     "sections": ("sectionproperties", "shapely"),
     "drawing": ("ezdxf",),
+    "app": ("bokeh", "tomlkit", "tornado"),
 }
 """Modules of each extra of the package, as in `pip install 'receptance[sweep]'`."""
 

@@ -105,3 +105,43 @@ def test_lobes_are_those_of_the_campaign_with_these_values(tmp_path):
     np.testing.assert_allclose(lobes.depth, machine.stability(identified, cuts=["slot"])["slot"].depth, rtol=1e-9)
     softer = trial.at({"collet.k_theta": 0.8 * trial.values["collet.k_theta"]})
     assert not np.allclose(softer.stability(["slot"])["slot"].depth, lobes.depth, rtol=1e-3)
+
+
+def test_modes_of_a_record_are_beside_those_of_the_model(sensor, identified):
+    trial = sensor.trial(identified)
+    for name in sensor.to_identify:
+        seen = sensor.measurements[name]
+        highest = np.abs(seen.receptance * seen.frequency_hz).argmax()
+        (mode,) = [mode for mode in trial.modes(name) if np.isfinite(mode.measured_hz)]
+        assert mode.measured_hz == pytest.approx(seen.frequency_hz[highest], rel=5e-3)
+        assert mode.difference_percent == pytest.approx(100.0 * (mode.calculated_hz / mode.measured_hz - 1.0))
+        assert abs(mode.difference_percent) < 1.0
+        assert mode.calculated_damping == pytest.approx(mode.measured_damping, rel=0.3)
+    softer = trial.at({"joint.k_theta": 0.5 * trial.values["joint.k_theta"]})
+    lower = [mode.calculated_hz for mode in softer.modes("40 mm")]
+    assert lower[0] < trial.modes("40 mm")[0].calculated_hz
+    assert softer.modes("40 mm")[0].measured_hz == trial.modes("40 mm")[0].measured_hz
+
+
+def test_natural_frequencies_are_beside_those_of_the_model_by_number(tmp_path):
+    examples.write("er32", tmp_path)
+    loaded = campaign.load(tmp_path, threads=1)
+    trial = loaded.trial()
+    for name, seen in list(loaded.measurements.items())[:3]:
+        modes = trial.modes(name)
+        np.testing.assert_array_equal([mode.measured_hz for mode in modes], seen.frequency_hz)
+        calculated = trial.measured_assembly(name).lowest_natural_frequencies(max(seen.modes))[0]
+        np.testing.assert_allclose([m.calculated_hz for m in modes], calculated[np.array(seen.modes) - 1], rtol=1e-12)
+
+
+def test_an_error_of_a_tolerance_has_the_effect_that_the_file_states(sensor):
+    trial = sensor.trial().with_overhangs()
+    name = 'assemblies."40 mm".set."tool.segment[0].length"'
+    assert trial.is_error(name)
+    assert not trial.is_error("joint.k_y")
+    assert trial.at({name: -2.0}).effect(name) == pytest.approx((-2e-4, "m"))
+    change, unit = trial.at({"materials.carbide.loss_factor": 1.0}).effect("materials.carbide.loss_factor")
+    assert (unit, change) == ("%", pytest.approx(100.0 * np.expm1(0.5)))
+    assert trial.effect("joint.k_y") is None
+    overhang = next(unknown.name for unknown in trial.unknowns if unknown.name.startswith("overhang"))
+    assert trial.at({overhang: 0.003}).effect(overhang) == (0.003, "m")

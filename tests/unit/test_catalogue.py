@@ -21,6 +21,7 @@ from receptance.campaign.measurements import read_frequencies
 from receptance.campaign.prediction import predict_assembly
 from receptance.catalogue import Catalogue, predict_catalogue, read_holders, read_tools
 from receptance.catalogue.building import ToolAssembly
+from receptance.catalogue.figure import draw_outlines
 from receptance.catalogue.results import CatalogueSummary, ToolSummary
 from receptance.coupling import read_spindle, write_spindle
 from receptance.fit.line_modes import line_modes
@@ -493,3 +494,17 @@ def test_no_partial_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caps
     for option in ("--out", "--json"):
         assert call("catalogue", ".", option, "tools.csv") == 2
         assert "which is a data file of the campaign" in capsys.readouterr().err
+
+
+def test_outlines_of_tools_have_one_scale(machine: Any) -> None:
+    # All are of one size in inches and over the same length and radius, the longest and the largest in a holder.
+    catalogue = Catalogue(machine)
+    figures = list(draw_outlines(catalogue))
+    assert len(figures) == len(catalogue)
+    places = [(figure, figure.axes[0]) for figure in figures]
+    (limits,) = {(*axes.get_xlim(), *axes.get_ylim(), *figure.get_size_inches()) for figure, axes in places}
+    for tool in catalogue:
+        held = list(tool.site.assembly.elements)
+        held = held[: held.index(tool.row.holder) + 1]
+        length = sum(getattr(tool.site.assembly.elements[name], "length", 0.0) for name in held)
+        assert 1e3 * length <= limits[1]

@@ -56,6 +56,14 @@ def test_commands_end_before_their_work(
     assert "needs xarray and zarr" in capsys.readouterr().err
 
 
+def test_the_page_names_its_extra(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    examples.write("er32", tmp_path)
+    assert call("open", tmp_path, "--no-browser") == 2
+    text = " ".join(capsys.readouterr().err.split())
+    assert "the page in the browser needs bokeh and tomlkit and tornado: pip install 'receptance[app]'" in text
+    assert "Traceback" not in text
+
+
 def test_a_drawing_of_an_example_names_its_extra(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     examples.write("drawing", tmp_path / "mine")
     for words in (("check", tmp_path / "mine"), ("contour", tmp_path / "mine" / "holder.dxf")):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import os
+import re
+from collections.abc import Sequence
 from typing import Any
 
 import nbformat
@@ -27,10 +29,23 @@ found = rc.identify(measured, rc.Unknown(address="joint.k_theta", lower=1e3, upp
 _CELLS = ("frf", "frf.plot()", "pair", "found", "found.plot()", "found.summary()", "repr(found)")
 
 
+_OPEN = """\
+import asyncio, re, tempfile, urllib.request
+from receptance import campaign, examples
+folder = tempfile.TemporaryDirectory()
+_ = examples.write("er32", folder.name)
+page = campaign.load(folder.name).open()
+"""
+_ASKED = "re.search('<title>.*', (await asyncio.to_thread(urllib.request.urlopen, page.address)).read().decode())[0]"
+
+
 @pytest.fixture(scope="module")
 def shown() -> dict[str, list[dict[str, Any]]]:
     """Return the outputs of each cell."""
-    texts = [_SET_UP, *_CELLS]
+    return _run([_SET_UP, *_CELLS])
+
+
+def _run(texts: Sequence[str]) -> dict[str, list[dict[str, Any]]]:
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(text) for text in texts])
     # The kernel's own default, with which a notebook starts.
     environment = {name: value for name, value in os.environ.items() if name != "MPLBACKEND"}
@@ -64,3 +79,14 @@ def test_a_result_is_short_where_no_html_is_shown(shown: dict[str, list[dict[str
     assert "joint.k_theta" in output["data"]["text/html"]
     assert output["data"]["text/plain"].startswith("Identification(joint.k_theta=1e+05")
     assert len(output["data"]["text/plain"]) < 200
+
+
+def test_the_page_of_a_campaign_is_shown_and_served_by_the_kernel() -> None:
+    pytest.importorskip("bokeh", reason="needs Bokeh: pip install 'receptance[app]'")
+    cells = _run([_OPEN, "page", _ASKED, "page.close()", "folder.cleanup()"])
+    (frame,) = cells["page"]
+    assert re.search(
+        r'<iframe src="http://127\.0\.0\.1:\d+/[\w-]{32,}/\?file=campaign\.toml"', frame["data"]["text/html"]
+    )
+    (title,) = cells[_ASKED]
+    assert "receptance" in title["data"]["text/plain"]

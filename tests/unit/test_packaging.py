@@ -141,11 +141,12 @@ def test_packages_of_extras_are_listed_in_both_places() -> None:
 
 
 def test_optional_packages_are_checked_where_they_are_imported() -> None:
-    """A module that imports a package of an extra, or the one that starts it, has `require`."""
+    """A module that imports a package of an extra, the one that starts it, or its package has `require`."""
     started_by = {"io/_worker.py": "io/mat_hdf5.py"}
     for extra, names in EXTRAS.items():
         for path in set().union(*(_imports()[name] for name in names if name in _imports())):
-            source = (LIBRARY / started_by.get(path, path)).read_text(encoding="utf-8")
+            module = LIBRARY / started_by.get(path, path)
+            source = "".join(file.read_text(encoding="utf-8") for file in (module, module.parent / "__init__.py"))
             typed_only = path in ("campaign/comparison.py", "sweep/figure.py", "frf/frf.py")
             assert typed_only or f'require("{extra}"' in source, path
 
@@ -162,7 +163,7 @@ def test_sdist_contains_all_build_inputs(tmp_path: Path) -> None:
     expected = {"pyproject.toml", "Cargo.toml", "Cargo.lock", "README.md", "LICENSE"}
     for folder, kinds in (
         ("rust", (".rs", ".toml")),
-        ("python", (".py", ".pyi", ".typed", ".csv", ".dxf", ".toml", ".json")),
+        ("python", (".py", ".pyi", ".typed", ".csv", ".dxf", ".toml", ".json", ".html", ".css", ".js")),
     ):
         files = (path for path in (ROOT / folder).rglob("*") if path.suffix in kinds or path.name == "py.typed")
         expected |= {path.relative_to(ROOT).as_posix() for path in files}

@@ -16,6 +16,7 @@ from receptance.stability import (
     TipModes,
     Turning,
     floquet_multiplier,
+    operating_point,
     receptance_matrix,
     rotated_receptance,
     semi_discretised_limit,
@@ -213,3 +214,34 @@ def test_without_a_cut_the_structure_decays() -> None:
     found = floquet_multiplier(CUT, TIP, speed_rpm=6000.0, depth=0.0)
     slowest = np.min(TIP.damping_ratio * 2.0 * np.pi * TIP.frequency_hz)
     np.testing.assert_allclose(found, np.exp(-slowest * 60.0 / (3 * 6000.0)), rtol=1e-9)
+
+
+def test_an_operating_point_has_the_limit_of_the_nearest_speed() -> None:
+    tip = TipModes(frequency_hz=[922.0], damping_ratio=[0.011], shapes=[[0.03993**-0.5, 0.0]])
+    lines, speeds = np.arange(800.0, 1200.0, 0.5), np.arange(4000.0, 12000.0, 100.0)
+    cut = Milling(teeth=2, k_t=6e8, k_n=2e8)
+    exact = stability_lobes(cut, lines, tip.receptance(lines), speeds_rpm=speeds)
+    draws = [factor * tip.receptance(lines) for factor in np.linspace(0.9, 1.1, 40)]
+    banded = stability_lobes(cut, lines, tip.receptance(lines), speeds_rpm=speeds, draws=draws)
+    index = 17
+    depth = 0.99 * float(exact.depth[index])
+    point = operating_point(exact, speeds[index] + 30.0, depth)
+    assert (point.speed_rpm, point.limit) == (speeds[index], exact.depth[index])
+    assert point.probability is None
+    assert point.band is None
+    assert ": stable; limit" in str(point)
+    assert ": chatter; limit" in str(operating_point(exact, speeds[index], 1.02 * point.limit))
+    uncertain = operating_point(banded, speeds[index], depth)
+    assert uncertain.probability == banded.stable_probability(depth)[index]
+    assert uncertain.band == (banded.lower[index], banded.upper[index])
+    assert f"stable with {100.0 * uncertain.probability:.3g} %" in str(uncertain)
+
+
+def test_where_no_limit_is_known_an_operating_point_says_so() -> None:
+    # The lines end below the mode.
+    tip = TipModes(frequency_hz=[922.0], damping_ratio=[0.011], shapes=[[0.03993**-0.5, 0.0]])
+    lines = np.arange(400.0, 900.0, 1.0)
+    cut = Milling(teeth=2, k_t=6e8, k_n=2e8)
+    lobes = stability_lobes(cut, lines, tip.receptance(lines), speeds_rpm=[5000.0, 6000.0])
+    assert not lobes.has_limits
+    assert str(operating_point(lobes, 5200.0, 1e-3)) == "5000 rpm, 1.00 mm: no limit is known"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
+from html import escape
 from typing import Any
 
 from bokeh.layouts import column, row
@@ -12,10 +13,12 @@ from bokeh.models import Checkbox, LayoutDOM, Select, Slider, TextInput
 
 from receptance.app import look
 from receptance.app.session import Session
+from receptance.campaign import Trial
 from receptance.diagnosis import CATALOGUE
 from receptance.diagnosis.model import UndecidableError
 from receptance.errors import ReceptanceError
 from receptance.fit import Unknown
+from receptance.fit.unknowns import Move
 
 _STEPS = 400
 """Steps of a slider between its bounds."""
@@ -24,23 +27,27 @@ _DIGITS = 4
 
 
 class _Control:
-    """A slider of an unknown with its box "hold"; logarithmic where the unknown is."""
+    """A slider of an unknown with its value and its box "hold"; logarithmic where the unknown is."""
 
     def __init__(
-        self, unknown: Unknown, moved: Callable[[str, float], None], held: Callable[[str, bool], None]
+        self, unknown: Unknown, moved: Callable[[str, float], None], held: Callable[[str, bool], None], *, holds: bool
     ) -> None:
         self.unknown, self._moved = unknown, moved
         self._is_log = unknown.scale == "log"
         low, high = self._scaled(unknown.lower), self._scaled(unknown.upper)
         self._slider = Slider(
-            start=low, end=high, value=low, step=(high - low) / _STEPS, show_value=False, title=unknown.name,
-            sizing_mode="stretch_width", tooltips=False,
+            start=low, end=high, value=low, step=(high - low) / _STEPS, show_value=False, title="", name=unknown.name,
+            sizing_mode="stretch_width", tooltips=False, margin=(0, 12, 4, 8),
         )  # fmt: skip
-        self._hold = Checkbox(label="hold", active=False, width=60)
-        self._is_shown = False
+        self._label = look.text(classes=["label"])
+        self._label.margin = (4, 5, 0, 5)
+        self._hold = Checkbox(label="hold", name=f"hold {unknown.name}", active=holds, width=56, margin=(4, 0, 0, 5))
+        self._is_shown, self._value = False, math.nan
         self._slider.on_change("value", self._changed)
         self._hold.on_change("active", lambda attr, old, new: held(unknown.name, new))
-        self.layout: LayoutDOM = row(self._slider, self._hold, sizing_mode="stretch_width")
+        self.layout: LayoutDOM = column(
+            row(self._label, self._hold, sizing_mode="stretch_width"), self._slider, sizing_mode="stretch_width"
+        )
 
     def _scaled(self, value: float) -> float:
         return math.log10(value) if self._is_log else value
@@ -50,14 +57,34 @@ class _Control:
             value = 10.0**new if self._is_log else new
             self._moved(self.unknown.name, min(max(value, self.unknown.lower), self.unknown.upper))
 
-    def show(self, value: float) -> None:
-        """Show a value that did not come from the slider, or did."""
-        self._is_shown = True
+    def show(self, trial: Trial) -> None:
+        """Show the value of a trial, whether it came from the slider or not."""
+        value = trial.values[self.unknown.name]
+        if value == self._value:
+            return
+        self._is_shown, self._value = True, value
         scaled = self._scaled(value)
         if abs(scaled - self._slider.value) > 0.5 * self._slider.step:
             self._slider.value = scaled
-        self._slider.title = f"{self.unknown.name} = {value:.{_DIGITS}g} {self.unknown.unit}".rstrip()
+        text = _value_text(trial, self.unknown)
+        self._label.text = f"{escape(self.unknown.name)} <b>{escape(text)}</b>"
+        self._slider.tags = [text]  # what a screen reader says
         self._is_shown = False
+
+
+def _value_text(trial: Trial, unknown: Unknown) -> str:
+    """Return a value with its unit: errors of tolerances in standard deviations, and what that changes."""
+    value, effect = trial.values[unknown.name], trial.effect(unknown.name)
+    change = "" if effect is None else _amount(*effect, sign="+")
+    if trial.is_error(unknown.name):
+        return f"{value:+.{_DIGITS}g} σ{f' ({change})' if change else ''}"
+    return change or _amount(value, unknown.unit)
+
+
+def _amount(value: float, unit: str, sign: str = "") -> str:
+    """Return a value with its unit, lengths in mm."""
+    scaled, shown = (1e3 * value, "mm") if unit == "m" else (value, unit)
+    return f"{scaled:{sign}.{_DIGITS}g} {shown}".rstrip()
 
 
 class Controls:
@@ -70,6 +97,7 @@ class Controls:
         self._pending: dict[str, float] = {}
         self._controls: dict[str, _Control] = {}
         self._sliders = column(sizing_mode="stretch_width")
+        self._sliders.js_on_change("children", look.labels())
         causes = [(_NO_CAUSE, _NO_CAUSE), *((id, cause.title) for id, cause in CATALOGUE.items())]
         self._cause = Select(title="What would this do?", options=causes, value=_NO_CAUSE, sizing_mode="stretch_width")
         self._variant = Select(title="Where", options=[], visible=False, sizing_mode="stretch_width")
@@ -87,20 +115,22 @@ class Controls:
             self._address,
             self._sliders,
             width=360,
-            stylesheets=[":host { max-height: 92vh; overflow-y: auto; }"],
+            styles={"max-height": "92vh", "overflow-y": "auto"},
         )
 
     def reset(self) -> None:
-        """Make the sliders of the trial anew, unknowns of causes first."""
+        """Make the sliders of the trial anew, in groups."""
         trial = self._session.trial
-        unknowns = () if trial is None else trial.unknowns
-        described = () if trial is None or trial.described is None else trial.described.task.variables.names
-        first = [u for u in unknowns if described and u.name not in described]
-        self._controls = {
-            unknown.name: _Control(unknown, self._moved, self._hold)
-            for unknown in (*first, *(u for u in unknowns if u not in first))
-        }
-        self._sliders.children = [control.layout for control in self._controls.values()]
+        groups = {} if trial is None else _groups(trial)
+        self._controls, children = {}, []
+        for heading, unknowns in groups.items():
+            controls = {
+                u.name: _Control(u, self._moved, self._hold, holds=u.name in self._session.held) for u in unknowns
+            }
+            if controls:
+                children += [look.text(f"<h2>{escape(heading)}</h2>"), *(c.layout for c in controls.values())]
+            self._controls |= controls
+        self._sliders.children = children
         self.show()
 
     def show(self) -> None:
@@ -109,10 +139,9 @@ class Controls:
         names = set() if trial is None else {unknown.name for unknown in trial.unknowns}
         if names != self._controls.keys():
             self.reset()
-            return
-        for name, control in self._controls.items():
-            assert trial is not None
-            control.show(trial.values[name])
+        elif trial is not None:
+            for control in self._controls.values():
+                control.show(trial)
 
     def _moved(self, name: str, value: float) -> None:
         first = not self._pending
@@ -165,3 +194,17 @@ class Controls:
         trial = self._session.trial
         if trial is not None and new.strip():
             self._said(lambda: self._session.set_trial(trial.with_parameter(new.strip())))
+
+
+def _groups(trial: Trial) -> dict[str, list[Unknown]]:
+    """Return the unknowns by heading, those of causes first."""
+    described = (trial.described or trial.model).task.variables.names
+    groups: dict[str, list[Unknown]] = {"Cause": [], "Unknowns": [], "Overhangs": [], "Tolerances": []}
+    for unknown in trial.unknowns:
+        if unknown.name not in described:
+            groups["Cause"].append(unknown)
+        elif trial.is_error(unknown.name):
+            groups["Tolerances"].append(unknown)
+        else:
+            groups["Overhangs" if isinstance(unknown, Move) else "Unknowns"].append(unknown)
+    return groups

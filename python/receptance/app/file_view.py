@@ -20,7 +20,7 @@ class FileView:
         self._page, self._session = page, page.session
         self._text = TextAreaInput(
             title="Campaign file", rows=34, cols=110, max_length=10_000_000, sizing_mode="stretch_width",
-            stylesheets=["textarea { font-family: ui-monospace, monospace; font-size: 13px; }"],
+            css_classes=["mono"],
         )  # fmt: skip
         self._mistakes = look.text(role="status")
         self.layout = column(

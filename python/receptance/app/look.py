@@ -7,29 +7,39 @@ from html import escape
 from importlib import resources
 from typing import Any
 
-from bokeh.models import Button, CustomJS, Div
+from bokeh.models import Button, CustomJS, Div, InlineStyleSheet
 from bokeh.plotting import figure
 from bokeh.themes import Theme
 
-from receptance.report.figure import COLOURS
+from receptance.report.colours import COLOURS, INK
 
-MEASURED, MODEL, DIFFERENCE, UNUSED = "#7F7F7F", COLOURS[0], COLOURS[1], "#BDBDBD"
-"""Colours of curves, safe for colour-blind readers (Okabe and Ito) on light and dark."""
+MEASURED, MODEL, DIFFERENCE = "#7F7F7F", "#2485C7", COLOURS[1]
+"""Colours of curves, safe for colour-blind readers (hues of Okabe and Ito), with a contrast of 3 on light and dark."""
+_ON_DARK = dict(zip((*COLOURS, INK), ("#6CBDEE", "#F5893F", "#35C79A", "#E7A6CB", "#F0B93A", "#E8E8E8"), strict=True))
+"""What is light enough for text on dark, in place of the colours of figures."""
 _DARK = {
     "paper": "#15191C",
     "panel": "#1D2327",
     "ink": "#E8E8E8",
     "pale": "#3A434A",
+    "edge": "#77828A",
+    "unused": "#56606A",
+    "soft": "#B4BDC3",
     "accent": "#56B4E9",
     "on": "#0B1216",
+    "bad": "#FF9A80",
 }
 _LIGHT = {
     "paper": "#FFFFFF",
     "panel": "#F5F7F8",
     "ink": "#16191B",
     "pale": "#D8DDE0",
+    "edge": "#8A949B",
+    "unused": "#BFC4C7",
+    "soft": "#565F66",
     "accent": "#0B5394",
     "on": "#FFFFFF",
+    "bad": "#A61B1B",
 }
 
 
@@ -38,9 +48,17 @@ def palette(dark: bool) -> dict[str, str]:
     return _DARK if dark else _LIGHT
 
 
+def readable(colour: str, dark: bool) -> str:
+    """Return the colour of a figure, or what is in its place on dark."""
+    return _ON_DARK.get(colour, colour) if dark else colour
+
+
 def theme(dark: bool) -> Theme:
     """Return the theme of figures."""
     c = palette(dark)
+    # A notebook has no page around the views that has these.
+    variables = "".join(f"--{name}: {colour}; " for name, colour in c.items())
+    sheet = InlineStyleSheet(css=f":host {{ {variables} }}\n{_resource('widgets.css')}")
     axis = {
         "axis_line_color": c["pale"], "major_tick_line_color": c["pale"], "minor_tick_line_color": None,
         "major_label_text_color": c["ink"], "axis_label_text_color": c["ink"], "axis_label_text_font_style": "normal",
@@ -48,11 +66,14 @@ def theme(dark: bool) -> Theme:
     return Theme(
         json={
             "attrs": {
+                "LayoutDOM": {"stylesheets": [sheet]},
+                "AbstractSlider": {"bar_color": c["accent"]},
                 "figure": {
                     "background_fill_color": c["panel"],
                     "border_fill_color": c["paper"],
                     "outline_line_color": None,
                 },
+                "Widget": {"stylesheets": [_WIDGETS]},
                 "Grid": {"grid_line_color": c["pale"], "grid_line_alpha": 0.6},
                 "Axis": axis,
                 "Title": {"text_color": c["ink"], "text_font_size": "13px"},
@@ -63,6 +84,23 @@ def theme(dark: bool) -> Theme:
             }
         }
     )  # fmt: skip
+
+
+_WIDGETS = """:host { --color: var(--ink); }
+.bk-input, .choices__inner, .choices__list--dropdown, .choices__input, .bk-btn-default {
+  background-color: var(--panel) !important; color: var(--ink); border-color: var(--pale); }
+.bk-btn-primary, .bk-btn-primary:hover, .bk-btn-primary:focus {
+  background-color: var(--accent); border-color: var(--accent); color: var(--on); }
+.bk-btn-default:hover, .bk-btn-default:focus { color: var(--ink); border-color: var(--accent); }"""
+"""Colours of inputs and buttons in both themes."""
+_IN_RESULTS = """:host { font: 14px/1.45 system-ui, sans-serif; --soft: light-dark(#566573, #a9b4bc);
+  --pale: light-dark(#9aa3aa, #7d8890); --grid: light-dark(#dde2e5, #38424a); --before: light-dark(#c4480a, #ff9a57);
+  --after: light-dark(#00795a, #35c99c); --band: light-dark(#bbd9ec, #24465c); --good: #1e7d43;
+  --open: #8a5a00; --bad: light-dark(#a93226, #e0796e); }
+h2 { margin: .8rem 0 .4rem; } td svg.figure { width: 170px; } dl, .rejected { max-width: 1100px; }
+.bk-clearfix { width: 100%; } table { display: block; width: fit-content; overflow-x: auto; }
+svg.figure { max-width: 1100px; }"""
+"""What differs in a page from the style of reports."""
 
 
 def template() -> str:
@@ -81,10 +119,11 @@ def resource(name: str) -> str:
 
 
 def curve_figure(title: str, x: str, y: str, height: int = 220, **options: Any) -> Any:
-    """Return an empty figure of curves over a common axis, with wheel and box zoom along x."""
+    """Return an empty figure of curves over a common axis, by default with wheel and box zoom along x."""
+    tools = options.pop("tools", "xpan,xwheel_zoom,xbox_zoom,reset,save")
     made = figure(
-        title=title, x_axis_label=x, y_axis_label=y, height=height, sizing_mode="stretch_width",
-        tools="xpan,xwheel_zoom,xbox_zoom,reset,save", active_drag="xbox_zoom", **options,
+        title=title or None, x_axis_label=x or None, y_axis_label=y or None, height=height, tools=tools,
+        sizing_mode="stretch_width", active_drag="xbox_zoom" if "xbox_zoom" in tools else None, **options,
     )  # fmt: skip
     made.toolbar.logo = None
     made.toolbar.autohide = True
@@ -94,12 +133,24 @@ def curve_figure(title: str, x: str, y: str, height: int = 220, **options: Any) 
 def text(html: str = "", *, role: str = "", classes: Sequence[str] = ()) -> Div:
     """Return a piece of HTML; what is not ours has to be escaped before."""
     attributes = {"role": role, "aria-live": "polite"} if role else {}
-    return Div(text=html, html_attributes=attributes, css_classes=list(classes), sizing_mode="stretch_width")
+    return Div(text=html, html_attributes=attributes, css_classes=list(classes), sizing_mode="stretch_width",
+               disable_math=True)  # fmt: skip
+
+
+def result() -> Div:
+    """Return a place for HTML in the style of reports."""
+    style = resources.files("receptance.report").joinpath("style.css").read_text(encoding="utf-8")
+    made = text()
+    made.stylesheets = [style, _IN_RESULTS]
+    made.js_on_change("text", labels())
+    return made
 
 
 def status() -> Div:
-    """Return a line that a screen reader reads when it changes."""
-    return text(role="status", classes=["status"])
+    """Return a line that a screen reader reads when it changes; it takes no room while it is empty."""
+    made = text(role="status", classes=["status"])
+    made.margin = (0, 5, 0, 5)
+    return made
 
 
 INPUT = """.bk-input { background: var(--panel); color: var(--ink); border-color: var(--pale); }

@@ -14,11 +14,13 @@ from bokeh.layouts import column, row
 from bokeh.models import Button, CustomJS, LayoutDOM, TabPanel, Tabs
 
 from receptance.app import look
+from receptance.app.ask_view import AskView
 from receptance.app.document import CAMPAIGN_FILE, ConflictError
 from receptance.app.file_view import FileView
 from receptance.app.model_view import ModelView
 from receptance.app.session import Session
 from receptance.app.start_view import StartView, upload_limit
+from receptance.app.use_view import UseView
 from receptance.app.view import View
 
 _POLL_MS = 200
@@ -45,13 +47,17 @@ class CampaignPage:
         doc.theme, doc.title, doc.template = look.theme(dark), "receptance", look.template()
         doc.template_variables.update(dark=dark, c=look.palette(dark))
         self._open(self.query.get("file", CAMPAIGN_FILE))
-        self.views: dict[str, View] = {"start": StartView(self), "model": ModelView(self), "file": FileView(self)}
-        panels = [TabPanel(title=view.title, child=view.layout) for view in self.views.values()]
-        names = list(self.views)
+        self._when_shown: dict[str, Callable[[], None]] = {}
         document, trial = self.session.document, self.session.trial
         start = "start" if document is None else "file" if trial is None else "model"
-        self.tabs = Tabs(tabs=panels, active=names.index(self.query.get("view", start)), sizing_mode="stretch_width")
-        self.tabs.on_change("active", lambda attr, old, new: self.remember(view=names[new]))
+        names = ("start", "model", "ask", "use", "file")
+        asked = self.query.get("view", start)
+        self.query["view"] = asked if asked in names else start
+        views: list[View] = [StartView(self), ModelView(self), AskView(self), UseView(self), FileView(self)]
+        self.views = dict(zip(names, views, strict=True))
+        panels = [TabPanel(title=view.title, child=view.layout) for view in views]
+        self.tabs = Tabs(tabs=panels, active=names.index(self.query["view"]), sizing_mode="stretch_width")
+        self.tabs.on_change("active", lambda attr, old, new: self._turn_to(names[new]))
         self.tabs.js_on_change("active", look.labels())
         self.tabs.js_on_change("active", upload_limit())
         doc.js_on_event(DocumentReady, look.labels(), upload_limit())
@@ -78,9 +84,9 @@ class CampaignPage:
     def _show_name(self) -> None:
         document = self.session.document
         campaign = self.session.campaign
-        title = "" if campaign is None else f"<b>{escape(campaign.title)}</b> "
+        title = "receptance" if campaign is None else escape(campaign.title)
         name = "" if document is None else f"{escape(document.file.name)}{', not saved' if document.is_changed else ''}"
-        self._name.text = title + name
+        self._name.text = f"<h1>{title} <small>{name}</small></h1>"
         self._save.disabled = document is None or not document.is_changed
 
     def _saved(self) -> None:
@@ -103,9 +109,25 @@ class CampaignPage:
         """Show another view by its name."""
         self.tabs.active = list(self.views).index(view)
 
-    def later(self, call: Callable[[], Any]) -> None:
-        """Call a function in the next turn of the server's loop."""
-        self.doc.add_next_tick_callback(call)
+    def later(self, call: Callable[[], Any], milliseconds: int = 0) -> None:
+        """Call a function in the next turn of the server's loop, or after a time; threads may call this."""
+        if milliseconds:
+            self.doc.add_timeout_callback(call, milliseconds)
+        else:
+            self.doc.add_next_tick_callback(call)
+
+    @property
+    def shown(self) -> str:
+        """Name of the view that is open."""
+        return self.query["view"]
+
+    def when_shown(self, view: str, call: Callable[[], None]) -> None:
+        """Call a function when a view is opened."""
+        self._when_shown[view] = call
+
+    def _turn_to(self, view: str) -> None:
+        self.remember(view=view)
+        self._when_shown.get(view, lambda: None)()
 
     def _poll(self) -> None:
         work = self.session.work
@@ -120,5 +142,4 @@ class CampaignPage:
 
     def close(self) -> None:
         """End what runs, when the tab is closed."""
-        if self.session.work is not None:
-            self.session.work.stop()
+        self.session.stop()

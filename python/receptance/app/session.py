@@ -2,23 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from receptance._files import new_path
 from receptance.app.document import Document
+from receptance.app.export import Kind, write_result
 from receptance.app.work import Work
-from receptance.campaign import Campaign, Prediction, Trial, extended_text
-from receptance.diagnosis import Verdict
-from receptance.errors import ReceptanceError
+from receptance.campaign import Campaign, CampaignCheck, Prediction, Trial, extended_text
+from receptance.campaign.write import with_campaign_lines
+from receptance.catalogue import Catalogue, CatalogueSummary, predict_catalogue, summary_of
+from receptance.diagnosis import Cause, Verdict
+from receptance.diagnosis.presentation import beyond_chance
+from receptance.diagnosis.verdict import CandidateCause
+from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.fit import Identification
+from receptance.report import Result
 from receptance.stability import Stability
 
-Topic = Literal["document", "trial", "identified", "verdict", "prediction", "stability", "work"]
+Topic = Literal["document", "trial", "identified", "verdict", "prediction", "stability", "catalogue", "work"]
 """What may change; views are told by topic."""
 TOPICS: tuple[Topic, ...] = get_args(Topic)
-_EXTENDED = "extended.toml"
-"""Name of the campaign with an accepted cause."""
+_RESULTS: dict[type[Result], Topic] = {
+    Identification: "identified",
+    Verdict: "verdict",
+    Prediction: "prediction",
+    Stability: "stability",
+    CatalogueSummary: "catalogue",
+}
+"""Topics of the results of calculations, which are also the names of their attributes."""
+_EXTENDED = "extended"
+"""Name of the campaign with an accepted cause, without ending."""
 
 
 class Session:
@@ -36,9 +52,13 @@ class Session:
         self.verdict: Verdict | None = None
         self.prediction: Prediction | None = None
         self.stability: Stability | None = None
+        self.catalogue: CatalogueSummary | None = None
         self.work: Work | None = None
         self.held: set[str] = set()
         """Names of unknowns that a fit holds."""
+        self._untouched: Trial | None = None
+        """The trial as it began."""
+        self._missing: dict[str, str] | None = None
         self._listeners: dict[Topic, list[Callable[[], None]]] = {topic: [] for topic in TOPICS}
 
     # Listeners.
@@ -60,6 +80,14 @@ class Session:
         """The campaign as it is edited; None without one, or with mistakes."""
         return None if self.document is None else self.document.campaign
 
+    @property
+    def missing(self) -> dict[str, str]:
+        """What the campaign lacks for each command, by its name; empty for one that can run, and without a campaign."""
+        if self._missing is None:
+            campaign = self.campaign
+            self._missing = {} if campaign is None else CampaignCheck(campaign).missing
+        return self._missing
+
     def open(self, file: str | Path) -> None:
         """Open a campaign file or a folder with one, below the folder of the session.
 
@@ -79,7 +107,8 @@ class Session:
         """Show another document, or another text; values that were moved are taken over where they fit."""
         moved = {} if self.trial is None else dict(self.trial.values)
         self.document = document
-        self.identified = self.verdict = self.prediction = self.stability = self.trial = None
+        self.identified = self.verdict = self.prediction = self.stability = self.catalogue = self.trial = None
+        self._missing = None
         self._start_trial(moved)
         self.tell(*TOPICS)
 
@@ -100,7 +129,7 @@ class Session:
             trial = campaign.trial(self.identified).with_overhangs()
             fitting = {u.name: values[u.name] for u in trial.unknowns
                        if values and u.name in values and u.lower <= values[u.name] <= u.upper}  # fmt: skip
-            self.trial = trial.at(fitting)
+            self.trial = self._untouched = trial.at(fitting)
         except (ValueError, ReceptanceError):
             self.trial = None  # `receptance check` tells what is missing
 
@@ -150,14 +179,29 @@ class Session:
         identified = self.identified
         self.begin("predict", lambda campaign: campaign.predict(identified))
 
-    def diagnose(self) -> None:
-        """Begin to diagnose; raises as `begin`."""
-        self.begin("diagnose", lambda campaign: campaign.diagnose())
+    def diagnose(self, causes: Iterable[Cause | str] | None = None) -> None:
+        """Begin to diagnose, with all causes by default; raises as `begin`."""
+        self.begin("diagnose", lambda campaign: with_campaign_lines(campaign, campaign.diagnose(causes)))
 
     def cut(self) -> None:
         """Begin to compute the stability of all cuts; raises as `begin`."""
         identified = self.identified
         self.begin("stability", lambda campaign: campaign.stability(identified))
+
+    def predict_catalogue(self) -> None:
+        """Begin to predict all tools of the catalogue; raises as `begin`."""
+        identified = self.identified
+
+        def analysis(campaign: Campaign) -> CatalogueSummary:
+            catalogue = Catalogue(campaign)
+            return summary_of(catalogue, predict_catalogue(catalogue, identified))
+
+        self.begin("catalogue", analysis)
+
+    def stop(self) -> None:
+        """Stop a calculation that runs, with the answer so far."""
+        if self.work is not None:
+            self.work.stop()
 
     def finish(self) -> Work | None:
         """Take over the result of a calculation that has ended, and return it; None while it runs."""
@@ -166,26 +210,48 @@ class Session:
             return None
         self.work = None
         topics: list[Topic] = ["work"]
-        if isinstance(work.result, Identification):
-            self.identified = work.result
-            causes = () if self.trial is None else self.trial.variants
-            self._start_trial()
-            if causes and self.trial is not None:
-                self.trial = self.trial.with_causes(causes)
-            topics += ["identified", "trial"]
-        elif isinstance(work.result, Verdict):
-            self.verdict = work.result
-            topics.append("verdict")
-        elif isinstance(work.result, Prediction):
-            self.prediction = work.result
-            topics.append("prediction")
-        elif isinstance(work.result, Stability):
-            self.stability = work.result
-            topics.append("stability")
+        topic = _RESULTS.get(type(work.result))
+        if topic is not None:
+            setattr(self, topic, work.result)
+            topics.append(topic)
+        fit = work.result if topic == "identified" else getattr(work.result, "identified", None)
+        if topic == "identified" or (self.identified is None and isinstance(fit, Identification)):
+            # Other results have the fit that they were made with.
+            self.identified = fit
+            topics.append("identified")
+            if topic == "identified" or self.trial is self._untouched:
+                causes = () if self.trial is None else self.trial.variants
+                self._start_trial()
+                if causes and self.trial is not None:
+                    self.trial = self.trial.with_causes(causes)
+                topics.append("trial")
         self.tell(*topics)
         return work
 
     # Causes.
+
+    @property
+    def leading(self) -> tuple[CandidateCause, ...]:
+        """The causes that explain more than noise does by chance, the highest evidence first."""
+        return () if self.verdict is None else tuple(beyond_chance(self.verdict))
+
+    def show_cause(self, cause: CandidateCause | None) -> None:
+        """Show the model with a fitted cause as it was fitted, or the fitted model without one.
+
+        Raises
+        ------
+        ValueError
+            There is no diagnosis.
+        UndecidableError
+            A measurement that is held out cannot have the cause.
+        """
+        if self.verdict is None:
+            raise ValueError("there is no diagnosis")
+        self._start_trial()
+        if self.trial is not None:
+            fit = self.verdict.selection.base if cause is None else cause.explanation.fit
+            variants = () if cause is None else cause.explanation.variants
+            self.set_trial(self.trial.as_fitted(variants, fit.values))
 
     def accept(self) -> Document:
         """Return the campaign that the diagnosis has extended, as a new file that is not saved yet.
@@ -193,10 +259,32 @@ class Session:
         Raises
         ------
         ValueError
-            There is no explanation, or a campaign file cannot describe it.
+            There is no explanation, the diagnosis was stopped, or a campaign file cannot describe it.
         """
         if self.verdict is None or self.document is None or self.campaign is None:
             raise ValueError("there is no diagnosis")
+        if not self.verdict.final:
+            raise ValueError("the diagnosis was interrupted")
         folder = self.document.file.parent
-        text = extended_text(self.campaign, self.verdict, folder)
-        return Document(folder / _EXTENDED, text, "", self.threads)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ReceptanceWarning)  # they were given when the data were read
+            text = extended_text(self.campaign, self.verdict, folder)
+        return Document(new_path(folder, _EXTENDED, ".toml"), text, "", self.threads)
+
+    # Files.
+
+    def export(self, result: Result, kind: Kind) -> list[Path]:
+        """Write a figure, report or tables of a result beside the campaign, under new names, and return the files.
+
+        Raises
+        ------
+        OSError
+            A file cannot be written.
+        ValueError
+            There is no campaign, or no such content.
+        """
+        if self.document is None or self.campaign is None:
+            raise ValueError("there is no campaign without mistakes")
+        measured = self.campaign.tables() if result is self.identified else ()
+        stem = f"{self.document.file.stem}-{result.heading.lower()}"
+        return write_result(result, kind, self.document.file.parent, stem, measured)

@@ -25,6 +25,13 @@ class PageOfView(Protocol):
     query: dict[str, str]
     """State in the address."""
 
+    @property
+    def shown(self) -> str:
+        """Name of the view that is open, as in the address."""
+
+    def when_shown(self, view: str, call: Callable[[], None]) -> None:
+        """Call a function when a view is opened."""
+
     def say(self, text: str) -> None:
         """Show a line of text below the header."""
 
@@ -34,5 +41,5 @@ class PageOfView(Protocol):
     def turn_to(self, view: str) -> None:
         """Show another view by its name."""
 
-    def later(self, call: Callable[[], Any]) -> None:
-        """Call a function in the next turn of the server's loop."""
+    def later(self, call: Callable[[], Any], milliseconds: int = 0) -> None:
+        """Call a function in the next turn of the server's loop, or after a time; threads may call this."""

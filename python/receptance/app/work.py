@@ -8,6 +8,7 @@ from dataclasses import replace
 from time import monotonic
 from typing import Any
 
+from receptance._remaining import Remaining
 from receptance.campaign import Campaign
 
 
@@ -21,12 +22,12 @@ class Work:
     def __init__(self, name: str, campaign: Campaign, analysis: Callable[[Campaign], Any]) -> None:
         self.name = name
         self.progress = ""
-        """The last line of progress."""
+        """The last line of progress, with the remaining time."""
         self.result: Any = None
         self.error: Exception | None = None
         self.stopped = False
         """Whether it was stopped."""
-        self._is_to_stop, self._began = False, monotonic()
+        self._is_to_stop, self._began, self._remaining = False, monotonic(), Remaining()
         self._thread = threading.Thread(target=self._run, args=(campaign, analysis), name=name, daemon=True)
         self._thread.start()
 
@@ -39,7 +40,7 @@ class Work:
             self.error = error
 
     def _report(self, text: str) -> None:
-        self.progress = text
+        self.progress = self._remaining(text)
         if self._is_to_stop:
             self._is_to_stop = False  # the steps of the answer so far go on
             raise KeyboardInterrupt

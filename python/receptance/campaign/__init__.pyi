@@ -11,6 +11,7 @@ from .comparison import Comparison as Comparison
 from .cuts import CampaignCut as CampaignCut
 from .cuts import Tip as Tip
 from .data import CampaignData as CampaignData
+from .measured_lines import MeasuredLines as MeasuredLines
 from .prediction import Prediction as Prediction
 from .prediction import predict_assembly as predict_assembly
 from .problems import CampaignError as CampaignError
@@ -22,6 +23,7 @@ from .schema_document import field_tables as field_tables
 from .schema_document import json_schema as json_schema
 from .spindle import SpindleIdentification as SpindleIdentification
 from .trial import Trial as Trial
+from .trial import TrialMode as TrialMode
 from .trial import TrialRecord as TrialRecord
 from .values import Deviation as Deviation
 from .write import extended_text as extended_text

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from receptance._text import instead_of
 from receptance.campaign.build import Built, blanks_of
 from receptance.campaign.cuts import CampaignCut
+from receptance.campaign.measured_lines import MeasuredLines
 from receptance.campaign.measurements import data_files
 from receptance.campaign.problems import CampaignError, Issue
 from receptance.campaign.read import campaign_fields, read_campaign, silent
@@ -20,6 +21,7 @@ from receptance.campaign.schema import CampaignTable
 from receptance.fit import Tolerance, Unknown
 from receptance.fit.observation import Observation
 from receptance.fit.parameters import Site
+from receptance.frf import FRF
 from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.predict import Candidate
@@ -54,6 +56,8 @@ class CampaignData(Renderable):
     """Measurements by name, with the assembly including the sensor; their configuration is the assembly's name."""
     on_blanks: dict[str, Observation] = field(default_factory=dict)
     """Measurements of blanks in a spindle, by name, with the blank alone; only `Campaign.spindle` uses them."""
+    frfs: dict[str, FRF] = field(default_factory=dict, repr=False)
+    """Measured FRFs by name, on all lines, whether they are used or not; see `measured_lines`."""
     unknowns: tuple[Unknown, ...]
     """Parameters to identify."""
     tolerances: dict[str, tuple[Tolerance, ...]] = field(default_factory=dict)
@@ -190,6 +194,12 @@ class CampaignData(Renderable):
     def files_of(self, name: str) -> tuple[str, ...]:
         """Return the names of the data files of a measurement."""
         return data_files(self.table.measurements[name])
+
+    def measured_lines(self, name: str) -> MeasuredLines:
+        """Return all lines of a measured FRF, and why some are not used; a KeyError for other measurements."""
+        table = self.table.measurements[name]
+        used = self.measurements[name]
+        return MeasuredLines.of(self.frfs[name], used, getattr(table, "bands", None), getattr(table, "integrate", 0))
 
     def errors_of(self, names: Iterable[str]) -> list[Tolerance]:
         """Return the errors of measurements, each of its measurement alone; errors of the same name are one error."""

@@ -35,7 +35,8 @@ from receptance.model.assembly import Assembly
 from receptance.model.coordinates import Coordinate
 from receptance.model.figure import Drawing, Mark, draw_assemblies
 from receptance.model.terminals import ModalPart, Mode
-from receptance.report.figure import BAND, INK, PALE, finished, panels, surface, title_left
+from receptance.report.colours import BAND, INK, PALE
+from receptance.report.figure import finished, panels, surface, title_left
 from receptance.sweep.figure import draw_misfit
 
 _MOST_OF_CAMPAIGN = 3
@@ -59,7 +60,7 @@ def draw_check(check: CampaignCheck, ax: Axes | None = None) -> Figure:
     for name, assembly in check.campaign.assemblies.items():
         everything = (*check.campaign.measurements.values(), *check.campaign.on_blanks.values())
         measured = [m for m in everything if m.configuration == name]
-        marks = tuple(dict.fromkeys(mark for observation in measured for mark in _marks(observation)))
+        marks = tuple(dict.fromkeys(mark for observation in measured for mark in marks_of(observation)))
         shown = measured[0].assembly if measured else assembly
         if name in check.campaign.blanks:
             shown = _in_spindle(shown, check.campaign.blanks[name])
@@ -88,7 +89,8 @@ def _shape(item: tuple[str, Any]) -> Any:
     return name, sizes, getattr(element, "length", 0.0)
 
 
-def _marks(measured: Observation) -> list[Mark]:
+def marks_of(measured: Observation) -> list[Mark]:
+    """Return the points of an FRF: where it responds and where it is hit."""
     if not measured.is_receptance:
         return []
     response, excitation = measured.response, measured.excitation

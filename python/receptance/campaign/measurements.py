@@ -57,6 +57,8 @@ class MeasurementReader:
     ) -> None:
         self.campaign, self.builder, self.folder = campaign, builder, folder
         self._tolerances = tolerances
+        self.frfs: dict[str, FRF] = {}
+        """FRFs of the measurements that were read, on all their lines."""
 
     def measurement(self, name: str) -> Observation:
         """Return a measurement."""
@@ -180,7 +182,7 @@ class MeasurementReader:
             frf = make(path, estimate_hammer_frf, records, table)
         else:
             frf = make((*path, "file"), read_entry, table, self.folder)
-        frf = make(path, with_places, frf, table, response, excitation, str(path[-1]))
+        frf = self.frfs[str(path[-1])] = make(path, with_places, frf, table, response, excitation, str(path[-1]))
         observation = make(path if table.bands is None else (*path, "bands"), self._observed, frf, table, assembly)
         for note in observation.notes:
             self.builder.note(path, note)

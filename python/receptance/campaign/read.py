@@ -120,6 +120,7 @@ def campaign_fields(
         "assemblies": built.assemblies,
         "measurements": measurements,
         "on_blanks": on_blanks,
+        "frfs": reader.frfs,
         "errors": {name: reader.errors(name) for name in (*measurements, *on_blanks)},
         "unknowns": tuple(built.unknowns.values()),
         "tolerances": tolerances,

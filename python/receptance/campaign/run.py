@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Literal
+from pkgutil import resolve_name
+from typing import Any, Literal
 
 import receptance
 from receptance import campaign, coupling, diagnosis
@@ -13,6 +14,9 @@ from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import fit_options, identify_campaign, invert_campaign, transfer_errors
 from receptance.campaign.problems import errors_about
 from receptance.fit import Identification, Observation
+
+_PAGE = "receptance.app:NotebookPage"
+"""The page in a notebook, which is above this layer; imported when it is opened."""
 
 
 class Campaign(CampaignData):
@@ -181,6 +185,26 @@ class Campaign(CampaignData):
             There are no measurements or no unknowns.
         """
         return campaign.Trial.of(self, identified)
+
+    def open(self) -> Any:
+        """Show the page of the campaign in a notebook; its folder, with what was saved there.
+
+        The page has the same parts as that of `receptance open`, and is served until the kernel ends, or until the
+        `close` of what is returned.
+
+        Returns
+        -------
+        NotebookPage
+            Shown by the notebook as the last value of a cell; it has the `address` of the page.
+
+        Raises
+        ------
+        MissingExtraError
+            The extra `app` is not installed.
+        ReceptanceError
+            This is no notebook.
+        """
+        return resolve_name(_PAGE)(self.file.absolute(), threads=self.threads)
 
     def predict(self, identified: Identification | None = None) -> campaign.Prediction:
         """Predict held-out measurements and assemblies without measurements.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -15,15 +16,17 @@ from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import fit_inputs
 from receptance.campaign.stability import stability_of_campaign
 from receptance.diagnosis import Cause
+from receptance.diagnosis.by_mode import measured_modes
 from receptance.diagnosis.causes import CauseMove, CauseUnknown, Variant, extend
 from receptance.diagnosis.changes import overhangs_of
 from receptance.diagnosis.model import Model
 from receptance.errors import ReceptanceError
-from receptance.fit import Identification, Observation, Unknown
+from receptance.fit import Identification, Observation, Tolerance, Unknown
 from receptance.fit.prediction import DECIBEL
 from receptance.fit.problem import Problem
-from receptance.fit.unknowns import Move
+from receptance.fit.unknowns import PARAMETERS, Move
 from receptance.model.assembly import Assembly
+from receptance.model.modes import damped_modes
 from receptance.stability import Stability
 
 _EVALUATIONS = 200
@@ -53,6 +56,22 @@ class TrialRecord:
     def difference_deg(self) -> NDArray[np.float64]:
         """Phase of the measured over that of the calculated receptance in degrees, from -180 to 180."""
         return np.degrees(np.angle(self.observation.receptance / self.calculated))
+
+
+@dataclass(frozen=True)
+class TrialMode:
+    """A mode of a measurement and of the model; NaN where a side does not have or state it."""
+
+    measured_hz: float = math.nan
+    measured_damping: float = math.nan
+    """Damping ratio."""
+    calculated_hz: float = math.nan
+    calculated_damping: float = math.nan
+
+    @property
+    def difference_percent(self) -> float:
+        """Calculated less measured frequency, over the measured one, in percent."""
+        return 100.0 * (self.calculated_hz / self.measured_hz - 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +130,27 @@ class Trial:
     def unknowns(self) -> tuple[Unknown, ...]:
         """The parameters with bounds, errors of tolerances last."""
         return self.model.task.variables.unknowns
+
+    def effect(self, name: str) -> tuple[float, str] | None:
+        """Return by how much an unknown changes what it moves, with the SI unit, or the unit "%" of relative changes.
+
+        It is None for a parameter itself, and where several addresses move by different amounts.
+        """
+        errors = [tolerance for tolerance in self.model.task.parameters.tolerances if tolerance.name == name]
+        moves = [unknown for unknown in self.unknowns if unknown.name == name and isinstance(unknown, Move)]
+        sources: list[Tolerance | Move] = [*errors, *moves]
+        sizes = {
+            (size, source.relative, _unit(address)) for source in sources for address, size in source.moves.items()
+        }
+        if len(sizes) != 1:
+            return None
+        size, relative, unit = sizes.pop()
+        change = size * self.values[name]
+        return (100.0 * math.expm1(change), "%") if relative else (change, unit)
+
+    def is_error(self, name: str) -> bool:
+        """Return whether an unknown is the error of a tolerance, whose values are standard deviations."""
+        return name in self.model.task.parameters.errors
 
     def at(self, values: Mapping[str, float]) -> Trial:
         """Return the trial with other values of some unknowns.
@@ -193,6 +233,16 @@ class Trial:
             variants=tuple(variants), values=MappingProxyType(values),
         )  # fmt: skip
 
+    def as_fitted(self, variants: Sequence[Variant], values: Mapping[str, float]) -> Trial:
+        """Return the trial in which exactly these causes act, at the values of a fit.
+
+        Values of others than its unknowns, or beyond their bounds, are left out. Raises as `with_causes`.
+        """
+        trial = self.with_causes(variants)
+        fitting = {u.name: values[u.name] for u in trial.unknowns
+                   if u.name in values and u.lower <= values[u.name] <= u.upper}  # fmt: skip
+        return trial.at(fitting)
+
     def variants_of(self, cause: Cause) -> list[Variant]:
         """Return the ways in which a cause can act on the model; raises as `Cause.extensions`."""
         return [variant for variant, _ in cause.extensions(self.described or self.model)]
@@ -215,7 +265,8 @@ class Trial:
         end = problem.fit_one(variables.vector_of(self.values), _EVALUATIONS, free=free)
         if not np.isfinite(end.cost):
             raise ReceptanceError(f"the model has no value here: {problem.reason(end.x)}")
-        return replace(self, values=MappingProxyType({**self.values, **problem.named(end.x)}))
+        fitted = {name: value for name, value in problem.named(end.x).items() if name not in held}
+        return replace(self, values=MappingProxyType({**self.values, **fitted}))
 
     # What the model says at these values.
 
@@ -306,6 +357,38 @@ class Trial:
         values = task.variables.to_values(self._variables)
         return task.mappings[index].apply(self.model.observations[index].assembly, values)
 
+    def modes(self, name: str) -> list[TrialMode]:
+        """Return the modes of a measurement beside those of the model, ascending.
+
+        Those of an FRF are circle fits at its peaks. A mode of it and one of the model are paired where each is the
+        nearest of the other. Natural frequencies are paired by their numbers.
+
+        Raises
+        ------
+        ValueError
+            As in `damped_modes`: the motion is not bending.
+        """
+        assembly, seen = self.measured_assembly(name), self.campaign.measurements[name]
+        if not seen.is_receptance:
+            undamped, _ = assembly.lowest_natural_frequencies(max(seen.modes))
+            ratios = np.full(len(seen.modes), np.nan) if seen.damping_ratio is None else seen.damping_ratio
+            return [
+                TrialMode(float(f.real), float(ratio), float(undamped[number - 1]))
+                for f, ratio, number in zip(seen.frequency_hz, ratios, seen.modes, strict=True)
+            ]
+        upper = float(seen.frequency_hz[-1].real)
+        damped = damped_modes(assembly, upper, response=seen.response, excitation=seen.excitation)
+        # A peak without width, or with that of a negative damping, is noise.
+        measured = [
+            (mode.frequency_hz, mode.damping_ratio) for mode in measured_modes(seen) if mode.damping_ratio > 0.0
+        ]
+        calculated = list(zip(damped.frequency_hz.tolist(), damped.damping_ratio.tolist(), strict=True))
+        none = (math.nan, math.nan)
+        return [
+            TrialMode(*(none if i is None else measured[i]), *(none if j is None else calculated[j]))
+            for i, j in _paired([f for f, _ in measured], [f for f, _ in calculated])
+        ]
+
     def stability(self, cuts: Sequence[str] = ()) -> Stability:
         """Return the lobes of cuts at these values, without causes and bands: `Campaign.stability` has the latter.
 
@@ -315,6 +398,23 @@ class Trial:
             As in `Campaign.stability`.
         """
         return stability_of_campaign(self.described_campaign, None, cuts=cuts)
+
+
+def _unit(address: str) -> str:
+    quantity = PARAMETERS.get(address.rpartition(".")[2])
+    return "" if quantity is None else quantity.unit
+
+
+def _paired(first: Sequence[float], second: Sequence[float]) -> list[tuple[int | None, int | None]]:
+    """Return the numbers of frequencies that are nearest to each other, and those of one side alone, ascending."""
+    distance = np.abs(np.log(first)[:, None] - np.log(second)[None, :])
+    pairs: dict[int, int] = {}
+    if distance.size:
+        nearest, backwards = distance.argmin(axis=1).tolist(), distance.argmin(axis=0).tolist()
+        pairs = {i: j for i, j in enumerate(nearest) if backwards[j] == i}
+    placed: list[tuple[float, int | None, int | None]] = [(f, i, pairs.get(i)) for i, f in enumerate(first)]
+    placed += [(f, None, j) for j, f in enumerate(second) if j not in pairs.values()]
+    return [(i, j) for _, i, j in sorted(placed, key=lambda item: item[0])]
 
 
 def _typical(unknown: Unknown) -> float:

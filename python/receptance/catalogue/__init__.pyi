@@ -5,6 +5,7 @@ from .prediction import ToolPrediction as ToolPrediction
 from .prediction import predict_catalogue as predict_catalogue
 from .results import CatalogueSummary as CatalogueSummary
 from .results import ToolSummary as ToolSummary
+from .results import summary_of as summary_of
 from .results import tool_lobes as tool_lobes
 from .rows import HolderRow as HolderRow
 from .rows import ToolRow as ToolRow

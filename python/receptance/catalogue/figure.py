@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from receptance.catalogue.building import Catalogue
 from receptance.catalogue.prediction import ToolPrediction
 from receptance.catalogue.results import CatalogueSummary
 from receptance.fit.figure import OPEN
-from receptance.report.figure import (
-    COLOURS,
-    INK,
-    PALE,
-    add_legend,
-    finished,
-    label_point,
-    new_figure,
-    plain_ticks,
-    set_up,
-    surface,
-)
+from receptance.model.assembly import Assembly
+from receptance.model.beams import Part
+from receptance.model.figure import draw_outline
+from receptance.report.colours import COLOURS, INK, PALE
+from receptance.report.figure import add_legend, finished, label_point, new_figure, plain_ticks, set_up, surface
 
 _LARGEST_WITH_NAMES, _LARGEST_WITH_BARS = 15, 80
 """Largest numbers of tools with names and with intervals."""
@@ -74,6 +70,27 @@ def draw_tool(prediction: ToolPrediction) -> Figure:
     )
     add_legend(figure, ncols=3)
     return finished(figure, prediction.rejection)
+
+
+def draw_outlines(catalogue: Catalogue) -> Iterator[Figure]:
+    """Yield the tools of a catalogue in their holders as small figures, all to one scale."""
+    tools = [tool.site.assembly for tool in catalogue]
+    held = [_held(assembly, row.holder) for assembly, row in zip(tools, catalogue.tools, strict=True)]
+    length, radius = max(length for length, _ in held), max(radius for _, radius in held)
+    for assembly in tools:
+        yield draw_outline(assembly, 1e3 * length, 1.1e3 * radius)
+
+
+def _held(assembly: Assembly, holder: str) -> tuple[float, float]:
+    """Return length and largest radius of an assembly up to the end of its holder in m."""
+    length, radius = 0.0, 0.0
+    for name, element in assembly.elements.items():
+        length += float(getattr(element, "length", 0.0))
+        if isinstance(element, Part):
+            radius = max(radius, *(0.5 * outer for segment in element.segments for outer, _ in segment.ends))
+        if name == holder:
+            break
+    return length, radius
 
 
 def draw_catalogue(catalogue: CatalogueSummary, ax: Axes | None = None) -> Figure:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from receptance._files import check_target, inert, write_whole
 from receptance.campaign import Campaign
+from receptance.catalogue.building import Catalogue
 from receptance.catalogue.prediction import ToolPrediction
 from receptance.fit.covariance import UNINFORMATIVE
 from receptance.report import ACCEPTED, Column, Provenance, Rejection, Result, Table
@@ -142,6 +143,18 @@ class CatalogueSummary(Result):
             for tool in self.tools
         ]
         return {"level": self.level, "tools": tools}
+
+
+def summary_of(catalogue: Catalogue, predictions: Iterable[ToolPrediction]) -> CatalogueSummary:
+    """Return the summary of all predictions, with the notes on the campaign, its catalogue and its tools."""
+    campaign, tools = catalogue.campaign, tuple(summaries(predictions))
+    of_tools = [note for tool in tools for note in tool.notes]
+    return CatalogueSummary(
+        tools=tools,
+        level=campaign.table.prediction.level,
+        notes=tuple(dict.fromkeys([*campaign.notes, *catalogue.notes, *of_tools])),
+        provenance=campaign.provenance(),
+    )
 
 
 def write_modes(path: Path, predictions: Iterable[ToolPrediction]) -> Iterator[ToolPrediction]:

@@ -33,6 +33,7 @@ from receptance.cli.demo import demo
 from receptance.cli.files import convert, show
 from receptance.cli.materials import materials
 from receptance.cli.new import new
+from receptance.cli.open import open_page
 from receptance.cli.running import InputError, InterruptedAnswer, takes_quiet
 from receptance.cli.spindle import spindle
 from receptance.cli.sweep import sweep
@@ -41,7 +42,7 @@ from receptance.errors import MissingExtraError
 _INTERRUPTED = 130
 
 _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
-    "Start": {"demo": demo, "new": new, "check": check, "example": example},
+    "Start": {"demo": demo, "new": new, "open": open_page, "check": check, "example": example},
     "Identify": {
         "identify": identify,
         "diagnose": diagnose,

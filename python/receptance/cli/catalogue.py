@@ -73,14 +73,7 @@ def catalogue(
             predictions = receptance.catalogue.results.write_depths(depths, predictions, read, name)
         if figures is not None or frfs is not None:
             predictions = _write_files(predictions, names, figures, frfs)
-        predicted = tuple(receptance.catalogue.results.summaries(predictions))
-        of_tools = [note for tool in predicted for note in tool.notes]
-        return receptance.catalogue.CatalogueSummary(
-            tools=predicted,
-            level=read.table.prediction.level,
-            notes=tuple(dict.fromkeys([*read.notes, *chosen.notes, *of_tools])),
-            provenance=read.provenance(),
-        )
+        return receptance.catalogue.summary_of(chosen, predictions)
 
     _, summary = run_on_campaign(file, targets, work, seed)
     targets.show(summary)

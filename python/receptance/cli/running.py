@@ -6,7 +6,6 @@ import functools
 import inspect
 import json
 import os
-import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
@@ -22,14 +21,13 @@ from rich.segment import Segment
 
 import receptance
 from receptance._files import check_target, write_whole
+from receptance._remaining import Remaining
 from receptance._text import printable
 from receptance.report.terminal import LEAST_WIDTH, print_result
 
 _PIPE_WIDTH = 132
 _QUIET = 10.0
 """Seconds without output after which progress is printed to a pipe."""
-_COUNT = re.compile(r"\b(\d+) of (\d+)$")
-"""Number of the step and of all steps at the end of a message of progress."""
 _SOON = 0.05
 """Shortest interval in seconds at which the time without output is checked."""
 _OUTPUT = "Output"
@@ -364,25 +362,6 @@ def output(*, stderr: bool = False, quiet: bool | None = None) -> Console:
     return console
 
 
-class _Remaining:
-    """Adds the remaining time to messages that end with a count, such as "reading short, 2 of 5"."""
-
-    def __init__(self) -> None:
-        self._kind, self._first, self._began = "", 0, 0.0
-
-    def __call__(self, text: str) -> str:
-        match = _COUNT.search(text)
-        if match is None:
-            return text
-        done, count = int(match[1]), int(match[2])
-        kind, now = f"{text.split(' ')[0]} {count}", perf_counter()
-        if kind != self._kind or done <= self._first:
-            self._kind, self._first, self._began = kind, done, now
-            return text
-        left = (now - self._began) / (done - self._first) * (count - done + 1)
-        return f"{text}, about {left:.0f} s left"
-
-
 @contextmanager
 def _printed_progress() -> Iterator[Callable[[str], None]]:
     """Print the latest message and the elapsed time if nothing was printed for some seconds."""
@@ -420,7 +399,7 @@ def with_progress(work: Callable[[Callable[[str], None]], _Result]) -> _Result:
     """Run long work and show its progress on standard error: live on a terminal, else a line every few seconds."""
     if _is_quiet.get():
         return work(lambda text: None)
-    console, timed = Console(stderr=True), _Remaining()
+    console, timed = Console(stderr=True), Remaining()
     if not console.is_terminal:
         with _printed_progress() as say:
             return work(lambda text: say(timed(text)))

@@ -19,18 +19,8 @@ from receptance.coupling.stabilisation import DAMPING_CHANGE, FREQUENCY_CHANGE, 
 from receptance.model.joints import PointJoint
 from receptance.model.terminals import ENTRIES
 from receptance.report import ACCEPTED, Rejection
-from receptance.report.figure import (
-    BAD,
-    BAND,
-    COLOURS,
-    INK,
-    PALE,
-    add_legend,
-    finished,
-    set_up,
-    surface,
-    title_left,
-)
+from receptance.report.colours import BAD, BAND, COLOURS, INK, PALE
+from receptance.report.figure import add_legend, finished, set_up, surface, title_left
 
 _NORMAL_95 = 1.96
 """Half width of a 95 % interval in standard deviations."""

@@ -127,8 +127,21 @@ def _at_frequencies(observation: Observation, curve: Curve) -> list[ModeResidual
     ]
 
 
+def measured_modes(observation: Observation) -> tuple[ModeEstimate, ...]:
+    """Return the modes of a measured receptance, without peaks of noise in antiresonances."""
+    deviation = observation.standard_deviation
+    return _modes(
+        observation.frequency_hz.real.tobytes(), observation.receptance.tobytes(), _decay(observation),
+        b"" if deviation is None else deviation.tobytes(),
+    )  # fmt: skip
+
+
+def _decay(observation: Observation) -> float:
+    return float(-2.0 * np.pi * np.median(np.imag(observation.frequency_hz)))
+
+
 def _at_peaks(observation: Observation, curve: Curve) -> list[ModeResidual]:
-    decay = float(-2.0 * np.pi * np.median(np.imag(observation.frequency_hz)))
+    decay = _decay(observation)
     lines, deviation = curve.frequency_hz.tobytes(), observation.standard_deviation
     measured = _modes(lines, curve.measured.tobytes(), decay, b"" if deviation is None else deviation.tobytes())
     modelled = _modes(lines, curve.modelled.tobytes(), decay, b"")

@@ -16,18 +16,8 @@ from receptance.diagnosis.by_mode import Curve, curves
 from receptance.diagnosis.thresholds import MARGIN
 from receptance.diagnosis.verdict import Verdict
 from receptance.frf.figure import PHASE_FROM
-from receptance.report.figure import (
-    COLOURS,
-    PALE,
-    add_legend,
-    finished,
-    new_figure,
-    panels,
-    phase_line,
-    set_up,
-    surface,
-    title_left,
-)
+from receptance.report.colours import COLOURS, PALE
+from receptance.report.figure import add_legend, finished, new_figure, panels, phase_line, set_up, surface, title_left
 
 Pair: TypeAlias = tuple[Curve, Curve | None]
 """A curve before, and after the causes are part of the model; None without a cause."""

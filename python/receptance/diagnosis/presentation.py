@@ -270,6 +270,12 @@ def _held_out(verdict: Verdict) -> list[_Row]:
     ]
 
 
+def held_out_table(verdict: Verdict) -> Table:
+    """Return the errors on held-out data before and after the causes are part of the model; empty without such data."""
+    columns = ("quantity", Column("before"), Column("after"), "change")
+    return Table("Improvement on held-out data", columns, _held_out(verdict))
+
+
 def _parameters(verdict: Verdict) -> Iterator[_Row]:
     base, extended = verdict.base, verdict.extended
     shown = [name for name in base.values if name not in base.errors] if _is_fitted(verdict) else []

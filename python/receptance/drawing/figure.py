@@ -6,7 +6,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from receptance.drawing.report import ContourReport
-from receptance.report.figure import COLOURS, INK, PALE, finished, set_up, surface
+from receptance.report.colours import COLOURS, INK, PALE
+from receptance.report.figure import finished, set_up, surface
 
 _WIDTH = 9.0
 """Width of the figure in inches."""

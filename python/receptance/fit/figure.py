@@ -19,20 +19,8 @@ from receptance.fit.prediction import DECIBEL
 from receptance.fit.result import Identification
 from receptance.fit.sampling import Samples
 from receptance.model.coordinates import Coordinate
-from receptance.report.figure import (
-    BAD,
-    BAND,
-    COLOURS,
-    INK,
-    PALE,
-    add_legend,
-    finished,
-    label_point,
-    panels,
-    set_up,
-    surface,
-    title_left,
-)
+from receptance.report.colours import BAD, BAND, COLOURS, INK, PALE
+from receptance.report.figure import add_legend, finished, label_point, panels, set_up, surface, title_left
 
 MOST_FRFS = 12
 """Most receptances of a fit or a prediction that are drawn."""

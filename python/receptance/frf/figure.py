@@ -9,18 +9,8 @@ from numpy.typing import NDArray
 
 from receptance.frf import FRF
 from receptance.model.coordinates import UnknownPosition
-from receptance.report.figure import (
-    COLOURS,
-    INK,
-    PALE,
-    add_legend,
-    finished,
-    phase_line,
-    set_up,
-    set_up_phase,
-    surface,
-    title_left,
-)
+from receptance.report.colours import COLOURS, INK, PALE
+from receptance.report.figure import add_legend, finished, phase_line, set_up, set_up_phase, surface, title_left
 
 _MAX_NAMED = 8
 """Most entries named in the legend; of more entries only the number is given."""

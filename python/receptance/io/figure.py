@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 
 from receptance.io.contents import MOST_DRAWN, FileContents
 from receptance.io.measurements import Coherence, TimeSeries
-from receptance.report.figure import COLOURS, INK, add_legend, finished, panels, set_up, surface, title_left
+from receptance.report.colours import COLOURS, INK
+from receptance.report.figure import add_legend, finished, panels, set_up, surface, title_left
 
 _MAX_PANELS = 8
 """Most channels drawn; the title states how many there are."""

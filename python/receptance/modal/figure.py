@@ -12,18 +12,8 @@ from receptance.frf import form_factor
 from receptance.frf.figure import PHASE_FROM
 from receptance.modal.decay import RingDown
 from receptance.modal.modal_fit import ModalFit
-from receptance.report.figure import (
-    COLOURS,
-    INK,
-    PALE,
-    add_legend,
-    finished,
-    phase_line,
-    set_up,
-    set_up_phase,
-    surface,
-    title_left,
-)
+from receptance.report.colours import COLOURS, INK, PALE
+from receptance.report.figure import add_legend, finished, phase_line, set_up, set_up_phase, surface, title_left
 from receptance.units import FORMS, FRFKind, frf_unit
 
 Curve = tuple[NDArray[np.float64], NDArray[np.complex128]]

@@ -17,7 +17,8 @@ from receptance.model.beams import Material, Part, Section, Segment, SpreadJoint
 from receptance.model.coordinates import Coordinate
 from receptance.model.joints import GroundSpring, PointMass, Resonator
 from receptance.model.modes import ModeShapes
-from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, panels, set_up, surface, title_left
+from receptance.report.colours import COLOURS, INK, PALE
+from receptance.report.figure import add_legend, finished, panels, set_up, surface, title_left
 from receptance.report.table import percent
 
 _WIDTH = 9.0
@@ -30,6 +31,10 @@ _CHARACTER = 0.068
 """Width of a character of a label in inches."""
 _SIZE = 8.5
 """Size of labels in points."""
+_THUMBNAIL = 2.0
+"""Width of an outline in inches."""
+_OVER = 0.03
+"""Room at the ends of an outline as a share of its length."""
 _FILLS = ("#C9D3DC", "#8E9AA6", "#E3D3B4", "#B9CDB5", "#D8BFD0")
 """Fills of materials in the order in which they occur."""
 _MM = 1e3
@@ -89,6 +94,21 @@ def draw_assemblies(drawings: Sequence[Drawing], ax: Axes | None = None, *, titl
         add_legend(figure, handles=patches, loc="outside lower right", ncols=len(patches))
     if title:
         title_left(figure, title, 11.0)
+    return finished(figure)
+
+
+def draw_outline(assembly: Assembly, length: float, radius: float, width: float = _THUMBNAIL) -> Figure:
+    """Draw the beginning of an assembly to scale without labels, such as a tool in its holder.
+
+    `length` is what is drawn from the tip on and `radius` the room beside the axis, both in mm; equal ones give several
+    drawings one scale. `width` is in inches.
+    """
+    over = _OVER * length
+    figure = surface(None, width, width * 2.0 * radius / (length + 2.0 * over))
+    (axes,) = panels(figure, 1, 1)
+    Sketch(Drawing(assembly), length / width, (-over, length + over), {}).draw_shapes(axes)
+    axes.set_ylim(-radius, radius)
+    axes.set_axis_off()
     return finished(figure)
 
 
@@ -219,13 +239,13 @@ class Sketch:
         self.above = _LabelRows(self.radius + gap, _ROW * scale, scale, ends)
         self.below = _LabelRows(-self.radius - gap, -_ROW * scale, scale, ends)
         self.bodies: list[Body] = []
-        self.joints: list[tuple[float, float, float]] = []
-        """x, length, radius."""
+        self.joints: list[tuple[float, float, float, str]] = []
+        """x, length, radius, name."""
         self.labels: list[_Label] = []
         self.spans: list[tuple[float, float, float]] = []
         """Ends and height of a dimension line."""
-        self.symbols: list[tuple[float, float, str, str]] = []
-        """x, y, kind and colour."""
+        self.symbols: list[tuple[float, float, str, str, str]] = []
+        """x, y, kind, colour, and the name of an attachment or the text of a mark."""
         self.starts: dict[str, float] = {}
         self._lay_out()
 
@@ -252,7 +272,7 @@ class Sketch:
                     self._add_section(x, length, section, (diameters, diameters))
                 self._label_below(x, length, f"{length:.4g}")
                 half = 0.5 * _MM * element.shank.outer_diameter
-                self.joints.append((x, length, half))
+                self.joints.append((x, length, half, name))
                 joints.append((x + 0.5 * length, name, half))
             elif element.role == "spindle":
                 width = _spindle_length(assembly)
@@ -260,7 +280,7 @@ class Sketch:
                 names.append((x, x + width, name))
             else:
                 half = self._radius_at(x)
-                self.joints.append((x, 0.0, half))
+                self.joints.append((x, 0.0, half, name))
                 joints.append((x, name, half))
             self.bodies[first_body:] = [body._replace(element=name) for body in self.bodies[first_body:]]
             x += length
@@ -351,18 +371,18 @@ class Sketch:
             if isinstance(attachment, GroundSpring):
                 for point in along:
                     at, radius = self._place(part, point)
-                    self.symbols.append((at, -radius, "ground", COLOURS[2]))
+                    self.symbols.append((at, -radius, "ground", COLOURS[2], name))
                 self._label(middle, -half, name, COLOURS[2])
                 continue
             text = f"{name} {_grams(attachment.mass)}" if isinstance(attachment, (PointMass, Resonator)) else name
-            self.symbols.append((middle, half, "mass", COLOURS[3]))
+            self.symbols.append((middle, half, "mass", COLOURS[3], name))
             self._label(middle, half, text, COLOURS[3])
 
     def _add_mark(self, mark: Mark) -> None:
         x, half = self._place(mark.at.part, mark.at.position)
         # The sensor is opposite to the hit, so that both are visible at one coordinate.
         y = half if mark.kind == "excitation" else -half
-        self.symbols.append((x, y, mark.kind, COLOURS[0]))
+        self.symbols.append((x, y, mark.kind, COLOURS[0], mark.text))
         self._label(x, y, mark.text, COLOURS[0])
 
     def draw(self, axes: Axes) -> None:
@@ -372,7 +392,7 @@ class Sketch:
         bar = {"arrowstyle": "|-|,widthA=0.18,widthB=0.18", "color": INK, "linewidth": 0.6, "shrinkA": 0, "shrinkB": 0}
         for low, high, y in self.spans:
             axes.annotate("", (low, y), (high, y), arrowprops=bar)
-        for x, y, kind, colour in self.symbols:
+        for x, y, kind, colour, _ in self.symbols:
             self._draw_symbol(axes, x, y, kind, colour)
         white = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none"}
         for label in self.labels:
@@ -399,7 +419,7 @@ class Sketch:
         for body in self.bodies:
             style = {"facecolor": body.fill, "edgecolor": INK, "linewidth": body.edge, "hatch": body.hatch, "zorder": 2}
             axes.add_patch(Polygon(body.corners(), closed=True, **style))
-        for x, length, half in self.joints:
+        for x, length, half, _ in self.joints:
             for side in (-half, half) if length else (0.0,):
                 ends = ([x, x + length], [side, side]) if length else ([x, x], [-half, half])
                 axes.plot(*ends, color=COLOURS[1], linewidth=2.4, zorder=4, solid_capstyle="butt")

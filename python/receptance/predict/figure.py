@@ -12,21 +12,8 @@ from receptance.fit.figure import OPEN, WIDE, draw_curves
 from receptance.fit.prediction import PredictedFRF
 from receptance.predict.ranking import Expectation, NextMeasurement
 from receptance.predict.transfers import Transfer
-from receptance.report.figure import (
-    BAD,
-    BAND,
-    COLOURS,
-    INK,
-    PALE,
-    add_legend,
-    finished,
-    label_point,
-    panels,
-    plain_ticks,
-    set_up,
-    surface,
-    title_left,
-)
+from receptance.report.colours import BAD, BAND, COLOURS, INK, PALE
+from receptance.report.figure import add_legend, finished, label_point, panels, plain_ticks, set_up, surface, title_left
 
 _WIDEST = 1e4
 """An open side of a target is drawn up to this factor of the value, with an arrow head."""

@@ -1,3 +1,4 @@
+from . import csv_text as csv_text
 from . import figure as figure
 from . import html as html
 from . import result as result

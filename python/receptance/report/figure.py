@@ -23,14 +23,9 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from receptance._text import printable
+from receptance.report.colours import BAD, BAND, COLOURS, INK, PALE
 from receptance.report.rejection import ACCEPTED, Rejection
 
-# Colours of Okabe and Ito, which readers with colour deficiencies can distinguish.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
-INK = "#222222"
-PALE = "#9A9A9A"
-BAD = "#B2182B"
-BAND = "#BBD9EC"
 _GRID = "#E6E6E6"
 _PADDING = 0.08
 """Distance between panels, titles and the edge of a figure in inches."""
@@ -202,6 +197,7 @@ _ROLES = {
     COLOURS[1].lower(): "before",
     COLOURS[2].lower(): "after",
     BAND.lower(): "band",
+    BAD.lower(): "bad",
 }
 """Names of the colours in a page, which has values of them for a light and a dark background."""
 _COLOUR = re.compile("|".join(map(re.escape, _ROLES)), re.IGNORECASE)

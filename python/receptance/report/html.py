@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from receptance import report
 from receptance._text import printable
+from receptance.report.rejection import Rejection
 from receptance.report.result import PageSection, Renderable, Result
 from receptance.report.table import Fact, Table
 
@@ -34,20 +35,25 @@ def as_html(content: Renderable, figure: Figure | None = None) -> str:
 
 def rejection_html(content: Renderable) -> str:
     """Return the rejection of the numbers, for the beginning of a page; empty if there is none."""
-    items = "".join(part for heading, reasons in content.rejection.headed() for part in _list(heading, reasons))
+    return reasons_html(content.rejection)
+
+
+def reasons_html(rejection: Rejection) -> str:
+    """Return the reasons of a rejection; empty without reasons."""
+    items = "".join(part for heading, reasons in rejection.headed() for part in list_html(heading, reasons))
     return f'<div class="rejected">{items}</div>' if items else ""
 
 
 def content_html(content: Renderable, sections: Sequence[PageSection] = ()) -> list[str]:
     """Return warnings, findings, tables, next step, sections and notes as parts of a page."""
     texts = [*filter(None, [content.description]), *content.sentences()]
-    parts = _list("Advice", content.warnings())
+    parts = list_html("Advice", content.warnings())
     parts += facts_html(content.facts()), *(f"<p>{shown(text)}</p>" for text in texts)
     parts += [table_html(table) for table in content.tables()]
     parts += [f"<p><b>Next step</b>: {shown(content.next_step)}</p>"] if content.next_step else []
     for section in sections:
         parts += _section_html(section)
-    parts += _list("Notes", content.grouped_notes())
+    parts += list_html("Notes", content.grouped_notes())
     if content.origin:
         parts.append(f"<p><small>{shown(content.origin)}</small></p>")
     return list(filter(None, parts))
@@ -64,17 +70,20 @@ def facts_html(facts: Sequence[Fact]) -> str:
     return f"<dl>{''.join(items)}</dl>" if items else ""
 
 
-def table_html(table: Table) -> str:
+def table_html(table: Table, drawings: Sequence[str] = ()) -> str:
     """Return a table as HTML, with text aligned left and numbers aligned right.
 
-    Each cell has the heading of its column, with which a narrow page shows every row as a list.
+    Each cell has the heading of its column, with which a narrow page shows every row as a list. `drawings` are one for
+    each row, as SVG, and stand before its cells.
     """
     sides = ["left" if isinstance(column, str) else "right" for column in table.columns]
     head = "".join(_cell("th", text, side) for text, side in zip(table.headings, sides, strict=True))
     rows = (
         "".join(_cell("td", *cell) for cell in zip(row, sides, table.headings, strict=True)) for row in table.texts()
     )
-    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    before = [f"<td>{drawing}</td>" for drawing in drawings] or [""] * len(table.rows)
+    head = f"<td></td>{head}" if drawings else head
+    body = "".join(f"<tr>{drawn}{row}</tr>" for drawn, row in zip(before, rows, strict=True))
     note = f"<p>{shown(table.note)}</p>" if table.note else ""
     caption = f"<caption>{shown(table.title)}</caption>" if table.title else ""
     return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{note}"
@@ -85,7 +94,8 @@ def _cell(tag: str, text: str, side: str, heading: str = "") -> str:
     return f'<{tag} style="text-align: {side}"{label}>{shown(text)}</{tag}>'
 
 
-def _list(title: str, texts: Iterable[str]) -> list[str]:
+def list_html(title: str, texts: Iterable[str]) -> list[str]:
+    """Return texts as a list with a title, as parts of a page; none without texts."""
     # Indented texts belong to the one above.
     items = "".join(
         f'<li style="margin-left: 1.5em">{shown(text[2:])}</li>' if text.startswith("  ") else f"<li>{shown(text)}</li>"
@@ -142,6 +152,12 @@ def _header(result: Result, heading: str) -> str:
     """Return title, answer, date, campaign file, version and key figures of a page."""
     origin = result.provenance
     about = [date.today().isoformat(), *filter(None, [origin.file]), f"receptance {origin.versions['receptance']}"]
+    badge, tiles = answer_html(result)
+    return f'<header><h1>{shown(heading)}</h1>{badge}<p class="meta">{shown(" · ".join(about))}</p>{tiles}</header>'
+
+
+def answer_html(result: Result) -> tuple[str, str]:
+    """Return the answer of a result in one or two words, and its key figures; empty without them."""
     # Values before and after break only beside the arrow: 2.3e-4 has a hyphen.
     tiles = "".join(
         f'<div class="tile"><b>{" → ".join(f"<span>{shown(value)}</span>" for value in values)}</b>'
@@ -150,7 +166,7 @@ def _header(result: Result, heading: str) -> str:
     )
     tiles = f'<div class="tiles">{tiles}</div>' if tiles else ""
     badge = f'<p><span class="badge {result.badge}">{result.badge}</span></p>' if result.badge else ""
-    return f'<header><h1>{shown(heading)}</h1>{badge}<p class="meta">{shown(" · ".join(about))}</p>{tiles}</header>'
+    return badge, tiles
 
 
 def _section_html(section: PageSection) -> list[str]:

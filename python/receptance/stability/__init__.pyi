@@ -5,6 +5,8 @@ from .lobes import Stability as Stability
 from .lobes import StableCut as StableCut
 from .lobes import critical_depths as critical_depths
 from .lobes import stability_lobes as stability_lobes
+from .operating import OperatingPoint as OperatingPoint
+from .operating import operating_point as operating_point
 from .semi_discretisation import floquet_multiplier as floquet_multiplier
 from .semi_discretisation import semi_discretised_limit as semi_discretised_limit
 from .semi_discretisation import semi_discretised_lobes as semi_discretised_lobes

@@ -10,8 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from receptance.report.figure import COLOURS, INK, PALE, add_legend, finished, label_point, panels, set_up, surface
+from receptance.report.colours import COLOURS, INK, PALE
+from receptance.report.figure import add_legend, finished, label_point, panels, set_up, surface
 from receptance.stability.lobes import Lobes, Stability, StableCut
+from receptance.stability.operating import top_of
 
 _SPEED = "spindle speed (1000 rpm)"
 _LARGEST_COUNT = 8
@@ -23,8 +25,6 @@ _RECOMMENDED = 3
 _LEVEL = 0.95
 """Probability of the drawn stable depths if the lobes have draws but no probability."""
 _LIMIT, _CHATTER, _STABLE = COLOURS[0], COLOURS[1], COLOURS[2]
-_HIGHEST = 15.0
-"""Upper end of the depth axis over the lowest limit, so that high lobes do not compress the others."""
 _LABEL_WIDTH, _LABEL_HEIGHT = 0.17, 0.07
 """Size of the label of a speed as a share of the axes."""
 
@@ -66,7 +66,7 @@ def _draw_diagram(axes: Axes, lobes: Lobes) -> None:
     cuts: tuple[StableCut, ...] = ()
     if np.isfinite(depth).any():
         cuts = lobes.recommended(probability=probability if has_draws else None, count=_RECOMMENDED)
-    top = max(_top(lobes, depth), 1.15e3 * max((cut.depth for cut in cuts), default=0.0))
+    top = max(top_of(lobes), 1.15e3 * max((cut.depth for cut in cuts), default=0.0))
     limit = highest = _clipped(depth, top)
     axes.fill_between(speed, limit, 2.0 * top, color=_CHATTER, alpha=0.10, lw=0, label="chatter")
     if lobes.lower is not None and lobes.upper is not None:
@@ -101,15 +101,6 @@ def _mark_speeds(
         axes.plot(x, y, "v", color=INK, ms=6, zorder=4)
         label_point(axes, f"{cut.speed_rpm:.0f} rpm, {y:.2g} mm", (x, height), left=high == x, offset=(3.0, 0.0))
     return max((height + step for _, _, height in labels), default=0.0)
-
-
-def _top(lobes: Lobes, depth: NDArray[np.float64]) -> float:
-    finite = np.isfinite(depth)
-    if not finite.any():
-        return 1.0
-    highest = lobes.upper if lobes.upper is not None else lobes.depth
-    largest = np.max(highest[np.isfinite(highest)], initial=float(depth[finite].max()))
-    return float(1e3 * min(1.1 * largest, _HIGHEST * depth[finite].min()))
 
 
 def _clipped(depth: NDArray[np.float64], top: float) -> NDArray[np.float64]:

@@ -11,7 +11,8 @@ from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from receptance.report.figure import COLOURS, INK, finished, set_up, surface, title_left
+from receptance.report.colours import COLOURS, INK
+from receptance.report.figure import finished, set_up, surface, title_left
 
 if TYPE_CHECKING:
     import xarray as xr
