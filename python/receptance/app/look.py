@@ -153,6 +153,11 @@ def status() -> Div:
     return made
 
 
+INPUT = """.bk-input { background: var(--panel); color: var(--ink); border-color: var(--pale); }
+.bk-input::placeholder { color: var(--ink); opacity: 0.65; } label { white-space: normal; }"""
+"""Style of inputs with long labels, on light and dark."""
+
+
 def button(label: str, call: Any, *, primary: bool = False, width: int = 110) -> Button:
     """Return a button."""
     made = Button(label=label, button_type="primary" if primary else "default", width=width)
@@ -162,7 +167,13 @@ def button(label: str, call: Any, *, primary: bool = False, width: int = 110) ->
 
 def items(lines: Iterable[str]) -> str:
     """Return texts as a list, escaped."""
-    inner = "".join(f"<li>{escape(line)}</li>" for line in lines)
+    # Indented texts belong to the one above, as in `Result.grouped_notes`.
+    inner = "".join(
+        f'<li style="margin-left: 1.5em">{escape(line[2:])}</li>'
+        if line.startswith("  ")
+        else f"<li>{escape(line)}</li>"
+        for line in lines
+    )
     return f"<ul>{inner}</ul>" if inner else ""
 
 

@@ -21,10 +21,11 @@ from receptance.io.files import ENDINGS
 from receptance.model.figure import Drawing, draw_assemblies
 from receptance.report.html import table_html
 
-_DROP = (
-    "input { padding: 28px 12px; border: 2px dashed var(--accent); border-radius: 6px; width: 100%; color: inherit; }"
+_DROP = """input[type=file] { padding: 28px 12px !important; height: auto !important; color: var(--ink) !important;
+border: 2px dashed var(--accent) !important; background: var(--panel) !important; }"""
+_FIGURE = (
+    """:host, .bk-clearfix { width: 100%; } svg { width: 100%; height: auto; max-width: 1000px; fill: var(--ink); }"""
 )
-_FIGURE = "svg { width: 100%; height: auto; max-width: 1100px; }"
 _PROBLEM = ":host { border-left: 3px solid #D55E00; padding-left: 6px; }"
 
 
@@ -32,7 +33,9 @@ class _Field:
     """The input of an answer with its mistake below."""
 
     def __init__(self, view: StartView, name: str, label: str, example: str, file: str = "") -> None:
-        self.input = TextInput(title=label, placeholder=example, name=f"{name} {file}".strip(), width=400)
+        self.input = TextInput(
+            title=label, placeholder=example, name=f"{name} {file}".strip(), width=400, stylesheets=[look.INPUT]
+        )
         self.problem = look.text(role="status")
         self.problem.stylesheets = [_PROBLEM]
         self.problem.visible = False
@@ -52,26 +55,28 @@ class StartView:
     def __init__(self, page: PageOfView) -> None:
         self._page, self._session = page, page.session
         self.start = Start(page.session.folder)
-        self._fields: dict[tuple[str, str], _Field] = {}
+        self.fields: dict[tuple[str, str], _Field] = {}
         self._pending: dict[str, bytes] = {}
+        self._arrived: dict[str, list[str]] = {"filename": [], "value": []}
         accept = ",".join((*ENDINGS, *HOLDER_ENDINGS))
         self.drop = FileInput(
             title="Drop your measurement files", multiple=True, accept=accept, width=400, stylesheets=[_DROP]
         )
         self.drop.on_change("value", self._dropped)
         self.drop.on_change("filename", self._dropped)
-        self.chosen = MultiChoice(title="Files of the campaign", options=self.start.available, value=[], width=400)
+        self.chosen = MultiChoice(title="Files of the campaign", options=self._options(), value=[], width=400)
         self.chosen.on_change("value", lambda attr, old, new: self._choose(new))
         self.conflict = look.text(role="alert")
-        self.replace: Button = look.button("Replace", self._replace, width=150)
-        self.keep: Button = look.button("Keep the old ones", self._keep, width=150)
+        self.conflict.visible = False
+        self.replace: Button = look.button("Replace", self.replace_files, width=150)
+        self.keep: Button = look.button("Keep the old ones", self.keep_files, width=150)
         self._of_conflict = row(self.replace, self.keep, visible=False)
         self._questions = column(width=410)
         self.figure = look.text(classes=["drawing"])
         self.figure.stylesheets = [_FIGURE]
         self.summary, self.contents = look.text(role="status"), look.text()
-        self.write: Button = look.button("Write campaign", self._write, primary=True, width=150)
-        self.overwrite: Button = look.button("Replace campaign.toml", self._overwrite, width=180)
+        self.write: Button = look.button("Write campaign", self.write_campaign, primary=True, width=150)
+        self.overwrite: Button = look.button("Replace campaign.toml", self.replace_campaign, width=180)
         self.overwrite.visible = False
         self.layout: LayoutDOM = row(
             column(self.drop, self.conflict, self._of_conflict, self.chosen, self._questions,
@@ -83,11 +88,17 @@ class StartView:
 
     # Files.
 
+    def _options(self) -> list[tuple[str, str]]:
+        # Labels are HTML.
+        return [(name, escape(name)) for name in self.start.available]
+
     def _dropped(self, attr: str, old: Any, new: Any) -> None:
-        values, names = self.drop.value, self.drop.filename
-        # Both arrive one after the other.
-        if not isinstance(values, list) or not isinstance(names, list) or len(values) != len(names) or not names:
+        # Both arrive one after the other, and are emptied by `clear`.
+        self._arrived[attr] = new or []
+        names, values = self._arrived["filename"], self._arrived["value"]
+        if not names or len(names) != len(values):
             return
+        self._arrived = {"filename": [], "value": []}
         try:
             contents = {name: base64.b64decode(value, validate=True) for name, value in zip(names, values, strict=True)}
         except binascii.Error as error:
@@ -103,7 +114,7 @@ class StartView:
             names = store(self.start.folder, contents, replace=replace)
         except ExistingFilesError as error:
             self._pending = contents
-            self.conflict.text = escape(str(error))
+            self.conflict.text, self.conflict.visible = escape(str(error)), True
             self._of_conflict.visible = True
             return
         except (ValueError, OSError) as error:
@@ -112,22 +123,25 @@ class StartView:
         self._close_conflict()
         self._page.say("")
         self.start.forget(names)
-        self.chosen.options = self.start.available
+        self.chosen.options = self._options()
         drawings = [name for name in names if name.lower().endswith(HOLDER_ENDINGS)]
         value = list(dict.fromkeys([*self.chosen.value, *(name for name in names if name not in drawings)]))
         if value == self.chosen.value:
             self.show()
         self.chosen.value = value
         if drawings and "holder" not in self.start.texts:
-            self._fields["holder", ""].input.value = drawings[0]
+            self.fields["holder", ""].input.value = drawings[0]
 
     def _close_conflict(self) -> None:
-        self._pending, self.conflict.text, self._of_conflict.visible = {}, "", False
+        self._pending, self.conflict.text = {}, ""
+        self.conflict.visible = self._of_conflict.visible = False
 
-    def _replace(self) -> None:
+    def replace_files(self) -> None:
+        """Write the dropped files over those of the folder."""
         self.receive(self._pending, replace=True)
 
-    def _keep(self) -> None:
+    def keep_files(self) -> None:
+        """Use the files of the folder in place of dropped ones with their names."""
         kept = [name for name in self._pending if name in self.start.available]
         rest = {name: content for name, content in self._pending.items() if name not in kept}
         self._close_conflict()
@@ -164,7 +178,7 @@ class StartView:
             except draft.DraftError as error:
                 problem = look.items(map(str, error.mistakes))
                 for mistake in error.mistakes:
-                    for (name, file), field in self._fields.items():
+                    for (name, file), field in self.fields.items():
                         if name == mistake.name and file in ("", mistake.of):
                             field.show(mistake.text)
             except (ValueError, OSError, ReceptanceError) as error:
@@ -183,11 +197,11 @@ class StartView:
         for asked in () if answers is None else answers.asked:
             key = (asked.question.name, asked.file)
             wanted[key] = (asked.text, asked.question.example, asked.problem)
-        self._fields = {
-            key: self._fields.get(key) or _Field(self, key[0], label, example, key[1])
+        self.fields = {
+            key: self.fields.get(key) or _Field(self, key[0], label, example, key[1])
             for key, (label, example, _) in wanted.items()
         }
-        for (name, file), field in self._fields.items():
+        for (name, file), field in self.fields.items():
             text = self.start.texts.get(name, "")
             text = text.get(file, "") if isinstance(text, dict) else text
             if field.input.value.strip() != text:
@@ -195,7 +209,7 @@ class StartView:
             label, _, problem = wanted[name, file]
             field.input.title = label
             field.show(problem and f"this {problem}")
-        layouts = [field.layout for field in self._fields.values()]
+        layouts = [field.layout for field in self.fields.values()]
         if layouts != self._questions.children:
             self._questions.children = layouts
 
@@ -216,14 +230,16 @@ class StartView:
 
     # The campaign.
 
-    def _write(self) -> None:
+    def write_campaign(self) -> None:
+        """Write the campaign, unless there is one."""
         try:
             self._written(replace=False)
         except FileExistsError as error:
             self._page.say(str(error))
             self.overwrite.visible = True
 
-    def _overwrite(self) -> None:
+    def replace_campaign(self) -> None:
+        """Write the campaign over another one."""
         self._written(replace=True)
 
     def _written(self, *, replace: bool) -> None:
@@ -252,11 +268,8 @@ def _contents_html(file: ChosenFile) -> str:
 
 
 def _summary_html(made: draft.Draft) -> str:
-    lists = {
-        "Assumed, and commented in the file": made.assumed,
-        "Missing": made.missing,
-        "Notes": report.result.grouped_notes(made.notes),
-    }
+    notes = report.result.grouped_notes(made.notes)
+    lists = {"Assumed, and commented in the file": made.assumed, "Missing": made.missing, "Notes": notes}
     return "".join(f"<b>{escape(name)}</b>{look.items(texts)}" for name, texts in lists.items() if texts)
 
 
