@@ -15,13 +15,13 @@ from typing import Any
 
 from PIL import Image
 
-ROOT = Path(__file__).resolve().parents[2]
 # Server and browser are those of the tests.
-sys.path.insert(0, str(ROOT / "tests"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 
 from browser_page import Tabs, browser, served
 from receptance import examples
 
+TARGET = Path(__file__).resolve().parents[1] / "images" / "page"
 WIDTHS, THEMES = (1280, 1920), ("light", "dark")
 VIEWS = {"start": "forgotten-sensor", "model": "forgotten-sensor", "ask": "forgotten-sensor", "use": "machine",
          "file": "forgotten-sensor"}  # fmt: skip
@@ -62,5 +62,5 @@ def write(target: Path) -> list[Path]:
 
 
 if __name__ == "__main__":
-    for file in write(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs" / "images" / "page"):
+    for file in write(Path(sys.argv[1]) if len(sys.argv) > 1 else TARGET):
         print(f"{file} {file.stat().st_size / 1024:.0f} kB")

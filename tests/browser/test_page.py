@@ -89,7 +89,7 @@ def test_a_mistake_is_shown_at_its_line_and_mended_in_place(server: Served, tabs
     line = next(number for number, text in enumerate(right.splitlines(), 1) if text.startswith("title"))
     file.write_text(right.replace("title", "titel", 1), encoding="utf-8")
     page = tabs.open(server.address)
-    page.get_by_text(re.compile(rf"line {line}\b.*titel|titel.*line {line}\b")).first.wait_for()
+    page.get_by_text(re.compile(rf"line {line}\b.*titel|titel.*line {line}\b")).filter(visible=True).first.wait_for()
     text = page.get_by_label("Campaign file")
     text.fill(right)
     page.get_by_role("button", name="Check").click()
@@ -193,7 +193,8 @@ def test_every_view_is_accessible(server: Served, tabs: Tabs, theme: str) -> Non
 
 def test_figures_are_zoomed_together_by_keyboard(server: Served, tabs: Tabs) -> None:
     page = tabs.open(server.address)
-    ends = """() => [...Bokeh.documents[0]._all_models.values()].filter(m => m.x_range && m.renderers.some(r => r.data_source?.name == 'moving'))
+    ends = """() => [...Bokeh.documents[0]._all_models.values()]
+        .filter(m => m.x_range && m.renderers.some(r => r.data_source?.name == 'moving'))
         .map(m => [m.x_range.start, m.x_range.end])"""
     whole = page.evaluate(ends)
     assert len(whole) >= 2
@@ -228,7 +229,7 @@ def test_files_that_are_no_measurements_are_refused(program: Any, tabs: Tabs, tm
         page = tabs.open(running.address)
         for name in files:
             _choose_files(page, tmp_path / name)
-            page.get_by_text(re.compile(rf"{re.escape(name)}")).first.wait_for()
+            page.get_by_text(name).filter(visible=True).first.wait_for()
         assert running.process.poll() is None
     assert [path.name for path in folder.iterdir()] == []
 
