@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-WAIT_MS = 20_000
+WAIT_MS = 60_000
 """Longest time that a test waits for what it expects; only a failing test waits so long."""
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
 

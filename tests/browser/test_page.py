@@ -231,7 +231,8 @@ def test_files_that_are_no_measurements_are_refused(program: Any, tabs: Tabs, tm
             _choose_files(page, tmp_path / name)
             page.get_by_text(name).filter(visible=True).first.wait_for()
         assert running.process.poll() is None
-    assert [path.name for path in folder.iterdir()] == []
+    # A table that cannot be read may need options; it is kept, and nothing is made of it.
+    assert {path.name for path in folder.iterdir()} <= {"letter.csv"}
 
 
 def test_a_diagnosis_is_stopped_with_the_answer_so_far(server: Served, tabs: Tabs) -> None:
