@@ -12,8 +12,8 @@ from command_line import call
 from finite_elements import NU, RHO, E, cone, coupled
 from receptance import FRF, campaign
 from receptance.campaign import json_schema
-from receptance.draft import inserted, parse_pieces
 from receptance.diagnosis import CATALOGUE
+from receptance.draft import inserted, parse_pieces
 from receptance.io import write
 
 LINES = np.linspace(300.0, 8000.0, 400)

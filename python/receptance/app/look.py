@@ -58,7 +58,7 @@ def theme(dark: bool) -> Theme:
     c = palette(dark)
     # A notebook has no page around the views that has these.
     variables = "".join(f"--{name}: {colour}; " for name, colour in c.items())
-    sheet = InlineStyleSheet(css=f":host {{ {variables} }}\n{_resource('widgets.css')}")
+    sheet = InlineStyleSheet(css=f":host {{ {variables} }}\n{resource('widgets.css')}")
     axis = {
         "axis_line_color": c["pale"], "major_tick_line_color": c["pale"], "minor_tick_line_color": None,
         "major_label_text_color": c["ink"], "axis_label_text_color": c["ink"], "axis_label_text_font_style": "normal",
