@@ -129,7 +129,7 @@ class _Diagnosis:
         )  # fmt: skip
         self._causes.on_change("active", self._choose)
         self._causes.js_on_change("labels", look.labels())
-        self._records = RecordsView(page.session, page.remember, page.query.get("quantity", ""))
+        self._records = RecordsView(page)
         exports = results.export_buttons(page.session, lambda: page.session.verdict, page.say)
         self.layout = column(
             self._answer,
