@@ -23,8 +23,8 @@ use core::ops::Range;
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Largest sum of `Segment::excess` over a branch: terms outgrow the value by its exponential, which costs 3 to 4 digits.
-pub const MOST_EXCESS: f64 = 8.0;
+/// Largest sum of `Segment::excess` over a branch: terms outgrow the value by its exponential, which costs three digits.
+pub const MOST_EXCESS: f64 = 7.7;
 
 /// Lines from which on the series, which costs some microseconds a segment, is worth making.
 const FEWEST_LINES: usize = 256;
