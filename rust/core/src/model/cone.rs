@@ -294,7 +294,8 @@ pub struct Cone<const D: usize> {
     /// The slices that the section requires: both ends as shares of the length, and the sections at the ends and in the
     /// middle as segments of the slice's length.
     slices: Vec<([f64; 2], [Segment<D>; 3])>,
-    levels: [OnceLock<Division<D>>; LEVELS],
+    /// On the heap: segments without a cone would be as large.
+    levels: Vec<OnceLock<Division<D>>>,
 }
 
 /// Whether a row of the segment table ends in another section than it begins.
@@ -345,7 +346,8 @@ impl<const D: usize> Cone<D> {
             ([ends[0], ends[1]], sections)
         };
         let slices = ends.windows(2).map(slice).collect();
-        Some(Self { row: *row, motion, slices, levels: [const { OnceLock::new() }; LEVELS] })
+        let levels = (0..LEVELS).map(|_| OnceLock::new()).collect();
+        Some(Self { row: *row, motion, slices, levels })
     }
 
     /// |lambda| h of the slice of a number over `STEP`, at |w|.
