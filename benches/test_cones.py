@@ -10,6 +10,7 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 import cones
+import magnus
 
 
 @pytest.mark.parametrize("name", cones.CONES)
@@ -42,3 +43,12 @@ def test_the_command_prints_and_writes_both_tables(tmp_path: Path, capsys: pytes
     assert shifts == sorted(shifts, reverse=True)
     assert crude[0]["frequencies_percent"] == pytest.approx([0.0] * 3, abs=1e-9)
     assert abs(crude[0]["k_theta_percent"]) < abs(crude[1]["k_theta_percent"])
+
+
+def test_the_magnus_integrator_is_of_fourth_order(capsys: pytest.CaptureFixture[str]) -> None:
+    assert magnus.main(["--slices", "6"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 1 + len(magnus.LINES) * len(cones.CONES)
+    for cone in cones.CONES.values():
+        exact = cones.free(cone).receptance([1e3]).item()
+        crude, fine = (abs(magnus.receptance(cone, 1e3, count) / exact - 1.0) for count in (16, 32))
+        assert 12.0 < crude / fine < 24.0

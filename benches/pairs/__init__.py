@@ -7,6 +7,8 @@ series, our minors) is inside the time unless a name says otherwise.
 
 from __future__ import annotations
 
+import cones
+
 from . import campaigns, compiled, diagnoses, fits, frequencies, peers, receptances, sweeps, threads
 from .pair import Pair, largest_difference
 
@@ -23,6 +25,7 @@ def all_pairs(share: int = 1) -> list[Pair]:
         *receptances.long_chain_pairs(THREAD_LINES // share),
         *receptances.joint_pairs(LINES // share),
         *receptances.spread_pairs(LINES // share),
+        *receptances.cone_pairs(cones.LINES // share),
         *frequencies.mode_pairs(),
         *fits.identification_pairs(FIT_LINES // share),
         *campaigns.campaign_pairs(CAMPAIGN_LINES // share, campaigns.STARTS if share == 1 else 2),

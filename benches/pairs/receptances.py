@@ -8,9 +8,10 @@ from functools import cache
 
 import numpy as np
 
+import cones
 import numpy_reference as reference
 from numpy_reference.cases import JOINT, ten_segments, tool_and_holder
-from receptance import Coordinate, _core
+from receptance import Coordinate, Segment, _core
 
 from .models import (
     SEGMENT_COLUMNS,
@@ -214,6 +215,32 @@ def spread_pairs(lines: int) -> Iterator[Pair]:
             segments=None,
             is_cost=True,
         )
+
+
+def cone_pairs(lines: int) -> Iterator[Pair]:
+    """Yield the cost of a cone, six cylinders being the other side; the assembly is made in every call."""
+    for highest, derivatives in ((5e3, ()), (5e3, cones.DERIVATIVES), (50e3, ()), (50e3, cones.DERIVATIVES)):
+        f = np.linspace(10.0, highest, lines)
+        own = [f"part.segment[*].{quantity}" for quantity in derivatives]
+
+        def call(*row: Segment, f: Array = f, own: list[str] = own) -> Array:
+            assembly = cones.free(*row)
+            return assembly.derivatives(f, own, threads=1)[0] if own else assembly.receptance(f, threads=1)
+
+        for name, cone in cones.CONES.items():
+            six = cones.cylinders(cone, cones.CYLINDERS)
+            yield Pair(
+                subject=f"cost of a cone to {highest / 1e3:g} kHz" + (f", {len(own)} derivatives" if own else ""),
+                against=f"ours / six cylinders, {name}",
+                ours=lambda call=call, cone=cone: call(cone),
+                reference=lambda call=call, six=six: call(*six),
+                # Six cylinders are another structure: the cone is compared with many, extrapolated.
+                difference=lambda _ours, _six, cone=cone: cones.inaccuracy(cone),
+                tolerance=1e-9,
+                lines=lines,
+                segments=1,
+                is_cost=True,
+            )
 
 
 @cache

@@ -28,7 +28,9 @@ from receptance import (
     identify,
     mode_shapes,
 )
+from receptance.sweep.parametric_receptance import parametric_receptance
 
+SEED = 20261129
 F = np.array([1.0, 100.0, 2e3, 9e3, 3e4, 5e4])
 LOSSY = replace(STEEL, loss_factor=0.004)
 CONES = {
@@ -252,6 +254,60 @@ def test_texts_are_no_diameters() -> None:
     text: Any = "60 mm"
     with pytest.raises(TypeError, match="end_outer_diameter is '60 mm', expected a finite number"):
         Segment(length=0.1, outer_diameter=0.05, end_outer_diameter=text, material=STEEL)
+
+
+def _row(rng: np.random.Generator) -> list[Segment]:
+    """Return a cylinder and a cone in random order, with a conical bore or none."""
+    near, far = rng.uniform(0.01, 0.05, 2)
+    bore = rng.choice([0.0, 0.3])
+    cone = Segment(length=rng.uniform(0.02, 0.08), outer_diameter=near, end_outer_diameter=far,
+                   inner_diameter=bore * near, end_inner_diameter=bore * far, material=LOSSY)  # fmt: skip
+    row = [cone, Segment(length=rng.uniform(0.01, 0.04), outer_diameter=far, material=LOSSY)]
+    return row if rng.uniform() < 0.5 else row[::-1]
+
+
+def _two_parts(rng: np.random.Generator) -> Assembly:
+    joint = PointJoint(k_y=10 ** rng.uniform(7, 9), k_theta=10 ** rng.uniform(4, 6), name="joint")
+    return Assembly([Part(_row(rng), name="tool"), joint, Part(_row(rng), name="holder")])
+
+
+def test_many_lines_are_few_lines() -> None:
+    """Many lines share one series of the branches, few are swept from slice to slice."""
+    rng = np.random.default_rng(SEED)
+    print(f"seed {SEED}")
+    for _ in range(20):
+        assembly = _two_parts(rng)
+        for part, x in (("tool", 0.0), ("holder", "end"), ("holder", 0.005)):
+            point: Any = Coordinate(part, x)
+            lines = np.linspace(20.0, 10 ** rng.uniform(3.0, 4.3), 300)
+            many = assembly.receptance(lines, response=point, excitation=point)
+            swept = [assembly.receptance(some, response=point, excitation=point) for some in np.array_split(lines, 3)]
+            size = np.abs(np.concatenate(swept))
+            # Beside an antiresonance the digits of the neighbours count.
+            size = np.maximum(size, 1e-2 * np.median(size))
+            assert np.all(np.abs(many - np.concatenate(swept)) <= 1e-11 * size)
+
+
+def test_many_joints_between_cones_share_one_series() -> None:
+    rng = np.random.default_rng(SEED)
+    print(f"seed {SEED}")
+    lines = np.linspace(100.0, 4e3, 200)
+    names = ("joint.k_y", "joint.k_theta", "joint.c_theta")
+    for part, x in (("tool", 0.0), ("holder", "end")):
+        for way in ("y", "theta"):
+            assembly = _two_parts(rng)
+            point: Any = Coordinate(part, x, way)  # type: ignore[arg-type]
+            reduced = assembly.reduced_to_joint("joint", lines, response=point, excitation=point, threads=1)
+            assert reduced.planes() is None
+            joints = 10.0 ** rng.uniform([6.0, 3.0, -2.0], [10.0, 7.0, 1.0], (4, 3))
+            swept = parametric_receptance(assembly, names, lines, point, point).receptance(joints)
+            for values, found in zip(joints, swept, strict=True):
+                other = assembly.replace(dict(zip(names, values.tolist(), strict=True)))
+                # Few lines at a time: no series.
+                few = [other.receptance(some, response=point, excitation=point) for some in np.array_split(lines, 2)]
+                size = np.abs(np.concatenate(few))
+                size = np.maximum(size, 1e-2 * np.median(size))
+                assert np.all(np.abs(found - np.concatenate(few)) <= 1e-10 * size)
 
 
 def test_extreme_but_valid_cones_are_finite() -> None:

@@ -18,7 +18,7 @@ from receptance.errors import ReceptanceError
 from receptance.model.assembly import Assembly
 from receptance.model.figure import Drawing, Mark, Sketch, extent
 from receptance.model.modes import ModeShapes, mode_shapes
-from receptance.report.figure import COLOURS, INK
+from receptance.report.colours import COLOURS, INK
 from receptance.report.table import percent
 
 _WIDTH, _DOTS_PER_INCH = 820.0, 96.0

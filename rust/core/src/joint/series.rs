@@ -19,11 +19,13 @@
 
 use crate::joint::change::{Change, Update};
 use crate::model::assembly::{Model, Step};
+use crate::model::cone::Cone;
 use crate::model::frequencies::Frequencies;
 use crate::model::request::Coordinate;
 use crate::model::section::Segment;
 use crate::model::spring::Spring;
-use crate::series::branch::{MOST_SPAN, past};
+use crate::series::branch::{MOST_EXCESS, Parts, past};
+use crate::series::cone;
 use crate::series::minors::{
     MOST_TERMS, Minors, State, TV, Terms, VM, YM, YT, YV, state_carried, state_through, state_yielding, trim,
 };
@@ -59,22 +61,24 @@ pub fn joint_series(
     let at = plan.iter().position(|step| matches!(step, Step::Joint { row, .. } if *row == joint))?;
     let segments: Vec<Segment<2>> =
         model.segments.iter().map(|row| Segment::new(row, model.motion)).collect();
-    if !serves(model, &segments, &plan, joint, highest) {
+    let cones: Vec<Option<Cone<2>>> = model.segments.iter().map(|row| Cone::new(row, model.motion)).collect();
+    let parts = Parts { model, segments: &segments, cones: &cones };
+    if !serves(&parts, &plan, joint, highest) {
         return None;
     }
     let square = highest * highest;
     let mut holder = one(YT, 1.0);
     for step in &plan[..at] {
-        past(model, &segments, &mut holder, step, square)?;
+        past(&parts, &mut holder, step, square)?;
     }
     let (mut held, mut state) =
         if response.direction == 0 { (one(TV, -1.0), one(1, 1.0)) } else { (one(YM, 1.0), one(0, 1.0)) };
     let mut free = one(YT, 1.0);
     for step in plan[at + 1..].iter().rev() {
         let step = turned(step);
-        past(model, &segments, &mut free, &step, square)?;
-        past(model, &segments, &mut held, &step, square)?;
-        state_past(model, &segments, &mut state, &step, square)?;
+        past(&parts, &mut free, &step, square)?;
+        past(&parts, &mut held, &step, square)?;
+        state_past(&parts, &mut state, &step, square)?;
     }
     let mut series = vec![[Complex64::ZERO; FUNCTIONS]; 1];
     determinants(&mut series, 0, &held, &holder);
@@ -86,13 +90,13 @@ pub fn joint_series(
 }
 
 /// Whether a plan is one chain of functions of w^2, but for the joint, and short enough.
-fn serves(model: &Model, segments: &[Segment<2>], plan: &[Step], joint: usize, highest: f64) -> bool {
-    let mut span = 0.0;
+fn serves(parts: &Parts<2>, plan: &[Step], joint: usize, highest: f64) -> bool {
+    let (mut excess, model) = (0.0, parts.model);
     for step in plan {
         let plain = match *step {
             Step::Segment { row, .. } => {
-                span += segments[row].span(highest);
-                !segments[row].conical
+                excess += parts.excess(row, highest);
+                true
             }
             Step::Joint { row, .. } => row == joint || model.joints[row].1.is_plain(),
             Step::Point { node } => model.has_plain_point(node),
@@ -103,7 +107,7 @@ fn serves(model: &Model, segments: &[Segment<2>], plan: &[Step], joint: usize, h
             return false;
         }
     }
-    highest > 0.0 && span <= MOST_SPAN
+    highest > 0.0 && excess <= MOST_EXCESS
 }
 
 /// One function that is constant, the others zero.
@@ -122,18 +126,17 @@ fn turned(step: &Step) -> Step {
 }
 
 /// As `branch::past`, for a state.
-fn state_past(
-    model: &Model,
-    segments: &[Segment<2>],
-    state: &mut State,
-    step: &Step,
-    square: f64,
-) -> Option<()> {
+fn state_past(parts: &Parts<2>, state: &mut State, step: &Step, square: f64) -> Option<()> {
     match *step {
-        Step::Segment { row, forward, .. } => *state = state_through(state, &segments[row], forward, square)?,
-        Step::Joint { row, .. } => state_yielding(state, model.joints[row].1.plain_compliance()),
+        Step::Segment { row, forward, .. } => {
+            *state = match &parts.cones[row] {
+                Some(cone) => cone::state_through(state, cone, forward, square)?,
+                None => state_through(state, &parts.segments[row], forward, square)?,
+            };
+        }
+        Step::Joint { row, .. } => state_yielding(state, parts.model.joints[row].1.plain_compliance()),
         Step::Point { node } => {
-            for impedance in model.plain_impedances(node, square) {
+            for impedance in parts.model.plain_impedances(node, square) {
                 state_carried(state, impedance);
             }
         }

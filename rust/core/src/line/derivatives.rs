@@ -8,11 +8,11 @@
 
 use crate::line::block::{Block, Prepared};
 use crate::line::exponential::{self, SumsWithDerivatives};
-use crate::line::kernel::{Kernel, Wave, Way, parity, polynomial};
+use crate::line::kernel::{Wave, Way, parity, polynomial};
 use crate::line::layer::{DERIVATIVES, LAYER, LENGTH, SLOPE};
 use crate::line::sweep::{Field, State};
 use crate::model::assembly::{Model, Table};
-use crate::model::cone::{Blocks, ConeChange, Division, is_conical};
+use crate::model::cone::{Blocks, ConeChange, Division, common_factors, is_conical};
 use crate::model::overlap::{Overlap, column as overlap_column};
 use crate::model::request::Parameter;
 use crate::model::section;
@@ -20,7 +20,7 @@ use crate::model::section::{Motion, Segment};
 use crate::model::spring::{SPRING, Spring, Term};
 use crate::model::terminals::{Mode, TERMINAL_ENTRIES};
 use crate::simd::lane::{C, R};
-use crate::simd::small::Mat;
+use crate::simd::small::{self, Mat};
 use num_complex::Complex64;
 use pulp::Simd;
 
@@ -84,7 +84,14 @@ impl<const D: usize> Gradient<D> {
         let Parameter { table, row, column } = *parameter;
         match table {
             Table::Segments if is_conical(&model.segments[row]) => {
-                Self::Cone { row, change: Box::new(ConeChange::new(column)) }
+                match common_factors(&model.segments[row], column) {
+                    Some((inertia, compliance)) => Self::Section {
+                        row,
+                        kinetic: first(inertia, 0.0),
+                        compliance: first(compliance, Complex64::ZERO),
+                    },
+                    None => Self::Cone { row, change: Box::new(ConeChange::new(column)) },
+                }
             }
             Table::Segments if column == section::column::LENGTH => Self::Length { row },
             Table::Segments => {
@@ -125,6 +132,11 @@ impl<const D: usize> Gradient<D> {
             Self::Section { row, .. } | Self::Length { row } | Self::Cone { row, .. } => Some(*row),
             _ => None,
         }
+    }
+
+    /// The segment whose coefficients or length the parameter changes alike everywhere.
+    pub(crate) fn uniform(&self) -> Option<usize> {
+        if let Self::Cone { .. } = self { None } else { self.segment() }
     }
 
     /// The overlap that the parameter belongs to, and which of its derivatives the parameter needs.
@@ -298,12 +310,13 @@ impl<S: Simd, const D: usize> Sensitivities<S, D> {
 /// Derivatives by the coefficients of one segment from the states of the two loads.
 #[inline(always)]
 pub fn segment<S: Simd, const D: usize>(
-    segment: &Segment<D>,
-    kernel: &Kernel<S, D>,
-    w2: C<S>,
+    prepared: &Prepared<D>,
+    row: usize,
+    block: &Block<S, D>,
     left: &[State<S, D>],
     right: &[State<S, D>],
 ) -> Sensitivity<S, D> {
+    let (segment, kernel, w2) = (&prepared.segments[row], &block.kernels[row], block.w2);
     let zero = C::zero(w2.simd);
     let mut out = Sensitivity { kinetic: [zero; D], compliance: [zero; D], length: zero };
     match kernel.way {
@@ -318,7 +331,11 @@ pub fn segment<S: Simd, const D: usize>(
                 bending(segment, l, w2, &kernel.sums, left, right, &mut out);
             }
         }
-        Way::Slices { .. } | Way::Skipped => return out,
+        Way::Slices { level } => {
+            let Some(of) = &prepared.cones[row] else { return out };
+            return cone(of.division(level), &kernel.slices, block, left, right);
+        }
+        Way::Skipped => return out,
     }
     for i in 0..D {
         out.kinetic[i] = out.kinetic[i] * w2;
@@ -351,23 +368,36 @@ fn cone_change<S: Simd, const D: usize>(
     sum
 }
 
-/// Minus the work of a change of w^2 in a cone, times w^2: that of its inertia.
+/// Derivatives by common factors of all inertias and of all compliances of a cone, which stand for the first of each.
+///
+/// T_n is a sum of products of n inertias, and with forces by displacements n - 1, displacements by forces n + 1, otherwise
+/// n compliances.
 #[inline(always)]
-pub fn cone_inertia<S: Simd, const D: usize>(
+fn cone<S: Simd, const D: usize>(
     division: &Division<D>,
+    slices: &[[Mat<S, D>; 4]],
     block: &Block<S, D>,
     left: &[State<S, D>],
     right: &[State<S, D>],
-) -> C<S> {
-    let mut by_square: Vec<Vec<Blocks<D>>> = division.slices.clone();
-    for slice in &mut by_square {
-        for (n, term) in slice.iter_mut().enumerate() {
-            for entry in term.iter_mut().flatten().flatten() {
-                *entry *= n as f64;
-            }
-        }
+) -> Sensitivity<S, D> {
+    let (terms, z) = (division.terms(block.most), block.w2.scale(1.0 / division.square));
+    let zero = C::zero(z.simd);
+    let (mut inertia, mut compliance) = (zero, zero);
+    for (index, (slice, scaled)) in slices.iter().zip(division.scaled()).enumerate() {
+        let (Some(r), Some(s)) = (left.get(index + 1), right.get(index)) else { continue };
+        let mut change = polynomial(&scaled.inertia[..terms], z, block.real);
+        inertia = inertia - worked(&change, r, s);
+        change[1] = small::add(&change[1], &slice[1]);
+        [change[2]] = polynomial(&scaled.stiffness[..terms], z, block.real);
+        compliance = compliance - worked(&change, r, s);
     }
-    cone_change(division, &by_square, block, left, right)
+    Sensitivity { kinetic: first(inertia, zero), compliance: first(compliance, zero), length: zero }
+}
+
+/// The value in the first place, others in the next.
+#[inline(always)]
+pub fn first<T: Copy, const D: usize>(value: T, others: T) -> [T; D] {
+    core::array::from_fn(|place| if place == 0 { value } else { others })
 }
 
 /// r^T J dT s.

@@ -8,7 +8,7 @@
 //! transfer matrices are polynomials in w^2.
 
 use crate::line::exponential::{self, SumsWithDerivatives};
-use crate::model::cone::{Blocks, Cone};
+use crate::model::cone::Cone;
 use crate::model::section::Segment;
 use crate::simd::lane::{C, MAX_LANES};
 use crate::simd::small::{self, Mat};
@@ -126,11 +126,16 @@ impl<S: Simd, const D: usize> Kernel<S, D> {
 
 /// sum_n terms[n] z^n; the z of `real` lines are real.
 #[inline(always)]
-pub fn polynomial<S: Simd, const D: usize>(terms: &[Blocks<D>], z: C<S>, real: bool) -> [Mat<S, D>; 4] {
-    let mut out = [small::zeros(z.simd); 4];
-    for term in terms.iter().rev() {
-        for block in 0..4 {
-            for i in 0..D {
+pub fn polynomial<S: Simd, const D: usize, const B: usize>(
+    terms: &[[[[Complex64; D]; D]; B]],
+    z: C<S>,
+    real: bool,
+) -> [Mat<S, D>; B] {
+    let mut out = [small::zeros(z.simd); B];
+    // Row by row: all entries at once would not fit into the registers.
+    for i in 0..D {
+        for term in terms.iter().rev() {
+            for block in 0..B {
                 for j in 0..D {
                     let coefficient = C::splat(z.simd, term[block][i][j]);
                     let sum = out[block][i][j];

@@ -7,7 +7,7 @@ use crate::line::sweep::{Blind, Field, Record, Within};
 use crate::model::assembly::{Model, Step};
 use crate::model::frequencies::{EMPTY, Frequencies, LINES_PER_TASK};
 use crate::model::request::{ByLine, Coordinate, Request, Response, check};
-use crate::series::branch::{Tip, shorten};
+use crate::series::branch::{Parts, Tip, shorten};
 use crate::simd::lane::MAX_LANES;
 use crate::simd::small::column;
 use crate::threads::on_threads;
@@ -35,8 +35,10 @@ pub(crate) struct Job<'a, const D: usize> {
     excited: Vec<usize>,
     observed: Vec<usize>,
     gradients: Vec<Gradient<D>>,
-    /// Segments whose coefficients or length are differentiated.
+    /// Segments with a parameter that is differentiated.
     differentiated: Vec<usize>,
+    /// Those among them of which a parameter changes the coefficients or the length alike everywhere.
+    uniform: Vec<usize>,
     /// Overlaps that are differentiated.
     overlaps: Vec<usize>,
     request: &'a Request,
@@ -92,6 +94,7 @@ impl<'a, const D: usize> Job<'a, D> {
             observed: Vec::new(),
             gradients: request.parameters.iter().map(|p| Gradient::new(model, p)).collect(),
             differentiated: Vec::new(),
+            uniform: Vec::new(),
             overlaps: Vec::new(),
             request,
             nodes: model.nodes,
@@ -104,6 +107,7 @@ impl<'a, const D: usize> Job<'a, D> {
                 job.differentiated.push(row);
                 job.prepared.differentiated[row] = true;
             }
+            job.uniform.extend(gradient.uniform().filter(|row| !job.uniform.contains(row)));
             if let Some((row, requested)) = gradient.overlap() {
                 job.prepared.request(row, &requested);
                 if !job.overlaps.contains(&row) {
@@ -140,6 +144,7 @@ impl<'a, const D: usize> Job<'a, D> {
                 || !self.request.added.is_empty()
                 || self.gradients.iter().any(|gradient| gradient.joint() == Some(row))
         };
+        let parts = Parts { model, segments: &self.prepared.segments, cones: &self.prepared.cones };
         let mut branches = Vec::new();
         for (_, plan) in &mut self.plans {
             // An observed node ends a branch at the step that would leave it behind.
@@ -150,7 +155,7 @@ impl<'a, const D: usize> Job<'a, D> {
                 Step::Overlap { .. } | Step::Join | Step::Branch { .. } => true,
             };
             let whole = core::mem::take(plan);
-            *plan = shorten(model, &self.prepared.segments, whole, highest, lines, needed, &mut branches);
+            *plan = shorten(&parts, whole, highest, lines, needed, &mut branches);
         }
         let mut active = vec![false; model.segments.len()];
         for step in self.plans.iter().flat_map(|plan| &plan.1) {
@@ -356,11 +361,10 @@ impl<const D: usize> Job<'_, D> {
                     continue;
                 }
                 let left = &fields[self.observed[i]];
-                for &row in &self.differentiated {
+                for &row in &self.uniform {
                     let (left, right) = (&left.states[row], &right.states[row]);
-                    let segment = &self.prepared.segments[row];
                     sensitivities.segments[row] =
-                        derivatives::segment(segment, &block.kernels[row], block.w2, left, right);
+                        derivatives::segment(&self.prepared, row, block, left, right);
                 }
                 for &row in &self.overlaps {
                     let (left, right) = (&left.overlaps[row], &right.overlaps[row]);

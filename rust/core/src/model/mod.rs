@@ -1,6 +1,7 @@
 //! Tables, lines and requests, checked.
 
 pub mod assembly;
+pub mod collocation;
 pub mod cone;
 pub mod damping;
 pub mod frequencies;

@@ -299,8 +299,6 @@ pub struct Segment<const D: usize> {
     pub per_length: Coefficients<D>,
     /// Length in m.
     pub length: f64,
-    /// Whether it ends in another section than it begins.
-    pub conical: bool,
     /// Moduli of the products of coefficients in the bound of the wave number: its sum, its product and
     /// the bending term.
     bound: [f64; 3],
@@ -311,10 +309,9 @@ pub struct Segment<const D: usize> {
 impl<const D: usize> Segment<D> {
     /// The segment of a row of the segment table.
     pub fn new(row: &[f64; column::COUNT], motion: Motion) -> Self {
-        let conical = is_conical(row);
         let middle = coefficients::<D>(&section_at(row, 0.5), motion);
         let mut bound = bound_of(&middle);
-        if conical {
+        if is_conical(row) {
             for end in [0.0, 1.0] {
                 let at_end = bound_of(&coefficients::<D>(&section_at(row, end), motion));
                 for (most, value) in bound.iter_mut().zip(at_end) {
@@ -323,21 +320,21 @@ impl<const D: usize> Segment<D> {
             }
         }
         let stiffness = 1.0 / middle.compliance[D - 1].norm();
-        Self { per_length: middle, length: row[column::LENGTH], conical, bound, stiffness }
+        Self { per_length: middle, length: row[column::LENGTH], bound, stiffness }
+    }
+
+    /// Sum and product of the squares of both wave numbers of a beam at |w|^2 = `w2` but for the bending term, and that term.
+    pub fn bound(&self, w2: f64) -> [f64; 3] {
+        [self.bound[0] * w2, self.bound[1] * w2 * w2, self.bound[2] * w2]
     }
 
     /// An upper bound of |lambda|^2 at |w|^2 = `w2`, close to it away from the cut-off.
     pub fn wave_number_square(&self, w2: f64) -> f64 {
-        let sum = self.bound[0] * w2;
+        let [sum, product, bending] = self.bound(w2);
         if D == 1 {
             return sum;
         }
-        0.5 * (sum + (sum * sum + 4.0 * w2 * (self.bound[1] * w2 + self.bound[2])).sqrt())
-    }
-
-    /// |w| over the cut-off frequency.
-    pub fn cut_off_share(&self, w: f64) -> f64 {
-        (self.per_length.compliance[0].norm() * self.per_length.kinetic[D - 1]).sqrt() * w
+        0.5 * (sum + (sum * sum + 4.0 * (product + bending)).sqrt())
     }
 
     /// Impedances that make displacements comparable with loads where |lambda|^2 is `square`.

@@ -11,7 +11,6 @@ use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::line::block::{Block, Prepared};
 use crate::line::derivatives::{Gradient, Sensitivities};
-use crate::line::kernel::Way;
 use crate::line::layer::DERIVATIVES;
 use crate::line::sweep::{Blind, Field, Observer, Within};
 use crate::line::{derivatives, exponential, overlap};
@@ -302,14 +301,13 @@ impl<const D: usize> WithSimd for Slopes<'_, D> {
             let mut by_square = C::zero(simd);
             for (row, segment) in prepared.segments.iter().enumerate() {
                 let states = &field.states[row];
-                if let (Some(cone), Way::Slices { level }) = (&prepared.cones[row], block.kernels[row].way) {
-                    let division = cone.division(level);
-                    by_square = by_square + derivatives::cone_inertia(division, &block, states, states);
-                    continue;
-                }
-                let found = derivatives::segment(segment, &block.kernels[row], block.w2, states, states);
+                let found = derivatives::segment(prepared, row, &block, states, states);
+                let kinetic = match prepared.cones[row] {
+                    Some(_) => derivatives::first(1.0, 0.0),
+                    None => segment.per_length.kinetic,
+                };
                 for i in 0..D {
-                    by_square = by_square + found.kinetic[i].scale(segment.per_length.kinetic[i]);
+                    by_square = by_square + found.kinetic[i].scale(kinetic[i]);
                 }
                 sensitivities.segments[row] = found;
             }

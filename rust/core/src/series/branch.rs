@@ -12,20 +12,19 @@
 //! so that for H alone no chart is chosen and only the required minors are summed.
 
 use crate::model::assembly::{Model, Step};
+use crate::model::cone::Cone;
 use crate::model::frequencies::Frequencies;
 use crate::model::section::Segment;
 use crate::model::spring::Spring;
+use crate::series::cone;
 use crate::series::minors::{MOST_TERMS, Minors, TV, VM, YM, YT, YV, carried, through, trim, yielding};
 use crate::simd::lane::{C, MAX_LANES};
 use core::ops::Range;
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Largest sum of |lambda| L over a branch: the terms outgrow the value by e^(0.41 span).
-pub const MOST_SPAN: f64 = 12.0;
-
-/// Weight of a segment above its cut-off, both pairs of waves propagating and the value not growing at all.
-const ABOVE_CUT_OFF: f64 = 3.0;
+/// Largest sum of `Segment::excess` over a branch: terms outgrow the value by its exponential, which costs three digits.
+pub const MOST_EXCESS: f64 = 7.7;
 
 /// Lines from which on the series, which costs some microseconds a segment, is worth making.
 const FEWEST_LINES: usize = 256;
@@ -40,12 +39,30 @@ pub struct Branch<const D: usize> {
     near: Segment<D>,
 }
 
+/// A model whose elements may become series.
+pub struct Parts<'a, const D: usize> {
+    /// The model.
+    pub model: &'a Model,
+    /// Its segments.
+    pub segments: &'a [Segment<D>],
+    /// The cones among them.
+    pub cones: &'a [Option<Cone<D>>],
+}
+
+impl<const D: usize> Parts<'_, D> {
+    /// `Segment::excess` of a segment or cone.
+    pub fn excess(&self, row: usize, highest: f64) -> f64 {
+        self.cones[row]
+            .as_ref()
+            .map_or_else(|| self.segments[row].excess(highest), |cone| cone.excess(highest))
+    }
+}
+
 /// Replaces the beginning of each branch of a plan by its series where that applies.
 ///
 /// `needed` holds for nodes, segments and joints whose states are requested.
 pub fn shorten<const D: usize>(
-    model: &Model,
-    segments: &[Segment<D>],
+    parts: &Parts<D>,
     plan: Vec<Step>,
     highest: f64,
     lines: usize,
@@ -59,10 +76,11 @@ pub fn shorten<const D: usize>(
     let mut at = 0;
     while at < plan.len() {
         let length = match plan[at] {
-            Step::Leaf { .. } if !needed(&plan[at]) => reach(model, segments, &plan[at..], highest, &needed),
+            Step::Leaf { .. } if !needed(&plan[at]) => reach(parts, &plan[at..], highest, &needed),
             _ => 1,
         };
-        match Branch::new(model, segments, &plan[at..at + length], highest).filter(|_| length > 1) {
+        let whole = || Branch::new(parts, &plan[at..at + length], highest);
+        match (length > 1).then(whole).flatten() {
             Some(branch) => {
                 out.push(Step::Branch { index: branches.len() });
                 branches.push(branch);
@@ -76,18 +94,17 @@ pub fn shorten<const D: usize>(
 
 /// How many steps from a leaf on are functions of w^2, unobserved and short enough together.
 fn reach<const D: usize>(
-    model: &Model,
-    segments: &[Segment<D>],
+    parts: &Parts<D>,
     plan: &[Step],
     highest: f64,
     needed: &impl Fn(&Step) -> bool,
 ) -> usize {
-    let mut span = 0.0;
+    let (mut excess, model) = (0.0, parts.model);
     for (count, step) in plan.iter().enumerate().skip(1) {
         let serves = match *step {
             Step::Segment { row, .. } => {
-                span += segments[row].span(highest);
-                span <= MOST_SPAN && !segments[row].conical
+                excess += parts.excess(row, highest);
+                excess <= MOST_EXCESS
             }
             Step::Joint { row, .. } => model.joints[row].1.is_plain() && model.slip_of(row).is_none(),
             Step::Point { node } => model.has_plain_point(node) && !model.has_terminal(node),
@@ -101,22 +118,19 @@ fn reach<const D: usize>(
 }
 
 /// Carries series of minors past one step of a sweep towards its root; nothing where it does not converge.
-pub fn past<const D: usize>(
-    model: &Model,
-    segments: &[Segment<D>],
-    minors: &mut Minors,
-    step: &Step,
-    square: f64,
-) -> Option<()> {
+pub fn past<const D: usize>(parts: &Parts<D>, minors: &mut Minors, step: &Step, square: f64) -> Option<()> {
     match *step {
         Step::Segment { row, forward, .. } => {
-            *minors = through(minors, &segments[row], forward, square)?;
+            *minors = match &parts.cones[row] {
+                Some(cone) => cone::through(minors, cone, forward, square)?,
+                None => through(minors, &parts.segments[row], forward, square)?,
+            };
         }
         Step::Joint { row, .. } => {
-            yielding(minors, model.joints[row].1.plain_compliance());
+            yielding(minors, parts.model.joints[row].1.plain_compliance());
         }
         Step::Point { node } => {
-            for impedance in model.plain_impedances(node, square) {
+            for impedance in parts.model.plain_impedances(node, square) {
                 carried(minors, impedance);
             }
         }
@@ -145,10 +159,13 @@ impl Spring {
 }
 
 impl<const D: usize> Segment<D> {
-    /// The weight of the segment in the span of a series up to |w| = `highest`.
-    pub fn span(&self, highest: f64) -> f64 {
-        let weight = if self.cut_off_share(highest) > 0.5 { ABOVE_CUT_OFF } else { 1.0 };
-        weight * self.wave_number_square(highest * highest).sqrt() * self.length
+    /// By how much the logarithm of the sum of a series' moduli grows faster along the segment than that of its value, up
+    /// to |w| = `highest`: at the negative square of w both waves grow, at w one, or none above the cut-off.
+    pub fn excess(&self, highest: f64) -> f64 {
+        let [sum, product, bending] = self.bound(highest * highest);
+        let terms = (sum + 2.0 * (bending + product).sqrt()).sqrt();
+        let value = 0.5 * ((sum * sum + 4.0 * (bending - product)).max(0.0).sqrt() - sum);
+        (terms - value.max(0.0).sqrt()) * self.length
     }
 }
 
@@ -171,15 +188,15 @@ impl Model {
 
 impl<const D: usize> Branch<D> {
     /// The series of the steps from a leaf on, or nothing where it does not converge within bounds.
-    fn new(model: &Model, segments: &[Segment<D>], plan: &[Step], highest: f64) -> Option<Self> {
+    fn new(parts: &Parts<D>, plan: &[Step], highest: f64) -> Option<Self> {
         let mut minors: Minors = vec![[Complex64::ZERO; 5]; 1];
         minors[0][YT] = Complex64::ONE;
         let square = highest * highest;
         let mut near = None;
         for step in plan {
-            past(model, segments, &mut minors, step, square)?;
+            past(parts, &mut minors, step, square)?;
             if let Step::Segment { row, .. } = *step {
-                near = Some(segments[row]);
+                near = Some(parts.segments[row]);
             }
         }
         minors.reverse();

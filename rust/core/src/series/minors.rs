@@ -17,7 +17,7 @@ use crate::simd::lane::{C, R};
 use num_complex::Complex64;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Most terms of a series; MOST_SPAN needs about thirty.
+/// Most terms of a series; MOST_EXCESS needs about thirty.
 pub const MOST_TERMS: usize = 64;
 
 /// Positions of the five minors.
