@@ -125,7 +125,6 @@ class _Diagnosis:
         self._accept = look.button("Accept", accept, primary=True)
         self._causes = RadioGroup(
             labels=[], active=None, width=300, tags=["hover"], html_attributes={"aria-label": "cause"},
-            stylesheets=["label { white-space: normal; font-size: 13px; padding: 2px 0; }"],
         )  # fmt: skip
         self._causes.on_change("active", self._choose)
         self._causes.js_on_change("labels", look.labels())

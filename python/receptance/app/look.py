@@ -73,7 +73,6 @@ def theme(dark: bool) -> Theme:
                     "border_fill_color": c["paper"],
                     "outline_line_color": None,
                 },
-                "Widget": {"stylesheets": [_WIDGETS]},
                 "Grid": {"grid_line_color": c["pale"], "grid_line_alpha": 0.6},
                 "Axis": axis,
                 "Title": {"text_color": c["ink"], "text_font_size": "13px"},
@@ -86,13 +85,6 @@ def theme(dark: bool) -> Theme:
     )  # fmt: skip
 
 
-_WIDGETS = """:host { --color: var(--ink); }
-.bk-input, .choices__inner, .choices__list--dropdown, .choices__input, .bk-btn-default {
-  background-color: var(--panel) !important; color: var(--ink); border-color: var(--pale); }
-.bk-btn-primary, .bk-btn-primary:hover, .bk-btn-primary:focus {
-  background-color: var(--accent); border-color: var(--accent); color: var(--on); }
-.bk-btn-default:hover, .bk-btn-default:focus { color: var(--ink); border-color: var(--accent); }"""
-"""Colours of inputs and buttons in both themes."""
 _IN_RESULTS = """:host { font: 14px/1.45 system-ui, sans-serif; --soft: light-dark(#566573, #a9b4bc);
   --pale: light-dark(#9aa3aa, #7d8890); --grid: light-dark(#dde2e5, #38424a); --before: light-dark(#c4480a, #ff9a57);
   --after: light-dark(#00795a, #35c99c); --band: light-dark(#bbd9ec, #24465c); --good: #1e7d43;
@@ -151,11 +143,6 @@ def status() -> Div:
     made = text(role="status", classes=["status"])
     made.margin = (0, 5, 0, 5)
     return made
-
-
-INPUT = """.bk-input { background: var(--panel); color: var(--ink); border-color: var(--pale); }
-.bk-input::placeholder { color: var(--ink); opacity: 0.65; } label { white-space: normal; }"""
-"""Style of inputs with long labels, on light and dark."""
 
 
 def button(label: str, call: Any, *, primary: bool = False, width: int = 110) -> Button:

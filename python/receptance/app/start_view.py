@@ -8,7 +8,7 @@ from html import escape
 from typing import Any
 
 from bokeh.layouts import column, row
-from bokeh.models import Button, CustomJS, FileInput, LayoutDOM, MultiChoice, TextInput
+from bokeh.models import Button, CustomJS, FileInput, LayoutDOM, MultiSelect, TextInput
 
 from receptance import draft, report
 from receptance.app import look
@@ -21,23 +21,13 @@ from receptance.io.files import ENDINGS
 from receptance.model.figure import Drawing, draw_assemblies
 from receptance.report.html import table_html
 
-_DROP = """input[type=file] { padding: 28px 12px !important; height: auto !important; color: var(--ink) !important;
-border: 2px dashed var(--accent) !important; background: var(--panel) !important; }"""
-_FIGURE = (
-    """:host, .bk-clearfix { width: 100%; } svg { width: 100%; height: auto; max-width: 1000px; fill: var(--ink); }"""
-)
-_PROBLEM = ":host { border-left: 3px solid #D55E00; padding-left: 6px; }"
-
 
 class _Field:
     """The input of an answer with its mistake below."""
 
     def __init__(self, view: StartView, name: str, label: str, example: str, file: str = "") -> None:
-        self.input = TextInput(
-            title=label, placeholder=example, name=f"{name} {file}".strip(), width=400, stylesheets=[look.INPUT]
-        )
-        self.problem = look.text(role="status")
-        self.problem.stylesheets = [_PROBLEM]
+        self.input = TextInput(title=label, placeholder=example, name=f"{name} {file}".strip(), width=400)
+        self.problem = look.text(role="status", classes=["problem"])
         self.problem.visible = False
         self.layout = column(self.input, self.problem, width=410)
         self.input.on_change("value", lambda attr, old, new: view.answered(name, new, file))
@@ -60,11 +50,11 @@ class StartView:
         self._arrived: dict[str, list[str]] = {"filename": [], "value": []}
         accept = ",".join((*ENDINGS, *HOLDER_ENDINGS))
         self.drop = FileInput(
-            title="Drop your measurement files", multiple=True, accept=accept, width=400, stylesheets=[_DROP]
+            title="Drop your measurement files", multiple=True, accept=accept, width=400, css_classes=["drop"]
         )
         self.drop.on_change("value", self._dropped)
         self.drop.on_change("filename", self._dropped)
-        self.chosen = MultiChoice(title="Files of the campaign", options=self._options(), value=[], width=400)
+        self.chosen = MultiSelect(title="Files of the campaign", options=self._options(), value=[], size=6, width=400)
         self.chosen.on_change("value", lambda attr, old, new: self._choose(new))
         self.conflict = look.text(role="alert")
         self.conflict.visible = False
@@ -73,7 +63,6 @@ class StartView:
         self._of_conflict = row(self.replace, self.keep, visible=False)
         self._questions = column(width=410)
         self.figure = look.text(classes=["drawing"])
-        self.figure.stylesheets = [_FIGURE]
         self.summary, self.contents = look.text(role="status"), look.text()
         self.write: Button = look.button("Write campaign", self.write_campaign, primary=True, width=150)
         self.overwrite: Button = look.button("Replace campaign.toml", self.replace_campaign, width=180)
@@ -89,8 +78,7 @@ class StartView:
     # Files.
 
     def _options(self) -> list[tuple[str, str]]:
-        # Labels are HTML.
-        return [(name, escape(name)) for name in self.start.available]
+        return [(name, name) for name in self.start.available]
 
     def _dropped(self, attr: str, old: Any, new: Any) -> None:
         # Both arrive one after the other, and are emptied by `clear`.
