@@ -89,7 +89,7 @@ def test_a_mistake_is_shown_at_its_line_and_mended_in_place(server: Served, tabs
     line = next(number for number, text in enumerate(right.splitlines(), 1) if text.startswith("title"))
     file.write_text(right.replace("title", "heading", 1), encoding="utf-8")
     page = tabs.open(server.address)
-    page.get_by_text(re.compile(rf"line {line}\b.*heading|heading.*line {line}\b")).filter(visible=True).first.wait_for()
+    page.get_by_text(re.compile(rf"line {line}, heading")).filter(visible=True).first.wait_for()
     text = page.get_by_label("Campaign file")
     text.fill(right)
     page.get_by_role("button", name="Check").click()

@@ -57,7 +57,12 @@ def test_a_value_needs_the_table_that_it_is_in(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     ("text", "mistake"),
-    [("a = \n", "no TOML: .*line 1"), ("", "missing|expected"), ("heading = 'x'\n", "heading"), ("[parts.a\n", "no TOML")],
+    [
+        ("a = \n", "no TOML: .*line 1"),
+        ("", "missing|expected"),
+        ("heading = 'x'\n", "heading"),
+        ("[parts.a\n", "no TOML"),
+    ],
 )
 def test_mistakes_are_those_of_the_campaign(folder: Path, text: str, mistake: str) -> None:
     document = Document.open(folder).with_text(text)
