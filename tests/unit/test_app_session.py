@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from receptance import campaign, examples
-from receptance.app.session import Session
 from receptance.campaign import CampaignCheck
 from receptance.catalogue import Catalogue, predict_catalogue, summary_of
+from receptance.session.state import Session
 
 pytest.importorskip("bokeh")
 CAUSES = ("sensor_mass", "time_delay")

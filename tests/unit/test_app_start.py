@@ -15,9 +15,9 @@ from bokeh.document import Document
 from command_line import call
 from receptance import examples
 from receptance.app.page import CampaignPage
-from receptance.app.start import Start
 from receptance.app.start_view import StartView
-from receptance.app.uploads import LARGEST_UPLOAD, ExistingFilesError, safe_name, store
+from receptance.session.start import Start
+from receptance.session.uploads import LARGEST_UPLOAD, ExistingFilesError, safe_name, store
 
 ANSWERS = {
     "tool": "12 mm",

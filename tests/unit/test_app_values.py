@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from receptance import examples
-from receptance.app.document import Document
-from receptance.app.values import values_of
+from receptance.session.document import Document
+from receptance.session.values import values_of
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,8 @@ from receptance import (
     Segment,
     SpreadJoint,
 )
-from receptance.model.figure import Drawing, Mark, draw_assemblies
+from receptance.model.figure import draw_assemblies
+from receptance.model.sketch import Drawing, Mark
 
 TOOL = Part(
     [Segment(length=0.03, outer_diameter=0.01, material=CARBIDE)]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from receptance import campaign, examples
-from receptance.app import ConflictError, Document, Session, Work
+from receptance.session import ConflictError, Document, Session, Work
 from receptance.campaign import Prediction
 from receptance.diagnosis import Verdict
 from receptance.errors import ReceptanceError

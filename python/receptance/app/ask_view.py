@@ -12,7 +12,6 @@ from bokeh.models import LayoutDOM, RadioGroup
 from receptance.app import look, results
 from receptance.app.commands import Commands
 from receptance.app.records_view import RecordsView
-from receptance.app.session import Topic
 from receptance.app.view import PageOfView
 from receptance.diagnosis.model import UndecidableError
 from receptance.diagnosis.presentation import held_out_table
@@ -20,6 +19,7 @@ from receptance.diagnosis.verdict import CandidateCause
 from receptance.errors import ReceptanceError
 from receptance.report import Result
 from receptance.report.html import table_html
+from receptance.session.state import Topic
 
 _NAME = "ask"
 _TITLES: dict[Topic, str] = {"verdict": "Diagnosis", "prediction": "Prediction", "identified": "Identification"}

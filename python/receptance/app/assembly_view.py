@@ -13,11 +13,11 @@ from receptance.app import look
 from receptance.app.value_inputs import ValueInputs
 from receptance.app.view import PageOfView
 from receptance.campaign import Campaign, Trial
-from receptance.campaign.figure import marks_of
+from receptance.campaign.check import marks_of
 from receptance.errors import ReceptanceError
 from receptance.model.assembly import Assembly
-from receptance.model.figure import Drawing, Mark, Sketch, extent
 from receptance.model.modes import ModeShapes, mode_shapes
+from receptance.model.sketch import Drawing, Mark, Sketch, extent
 from receptance.report.colours import COLOURS, INK
 from receptance.report.table import percent
 

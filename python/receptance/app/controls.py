@@ -12,13 +12,13 @@ from bokeh.layouts import column, row
 from bokeh.models import Checkbox, LayoutDOM, Select, Slider, TextInput
 
 from receptance.app import look
-from receptance.app.session import Session
 from receptance.campaign import Trial
 from receptance.diagnosis import CATALOGUE
 from receptance.diagnosis.model import UndecidableError
 from receptance.errors import ReceptanceError
 from receptance.fit import Unknown
 from receptance.fit.unknowns import Move
+from receptance.session.state import Session
 
 _STEPS = 400
 """Steps of a slider between its bounds."""

@@ -15,13 +15,13 @@ from bokeh.models import Button, CustomJS, LayoutDOM, TabPanel, Tabs
 
 from receptance.app import look
 from receptance.app.ask_view import AskView
-from receptance.app.document import CAMPAIGN_FILE, ConflictError
 from receptance.app.file_view import FileView
 from receptance.app.model_view import ModelView
-from receptance.app.session import Session
 from receptance.app.start_view import StartView, upload_limit
 from receptance.app.use_view import UseView
 from receptance.app.view import View
+from receptance.session.document import CAMPAIGN_FILE, ConflictError
+from receptance.session.state import Session
 
 _POLL_MS = 200
 """Time between two looks at a running calculation in ms."""

@@ -9,8 +9,6 @@ from bokeh.layouts import row
 from bokeh.models import LayoutDOM
 
 from receptance.app import look
-from receptance.app.export import Kind
-from receptance.app.session import Session
 from receptance.report import Result
 from receptance.report.html import (
     answer_html,
@@ -21,6 +19,8 @@ from receptance.report.html import (
     table_html,
     wide_figure,
 )
+from receptance.session.export import Kind
+from receptance.session.state import Session
 
 _KINDS: dict[str, Kind] = {"Figure": "svg", "Image": "png", "Report": "html", "CSV": "csv"}
 

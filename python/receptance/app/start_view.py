@@ -12,14 +12,12 @@ from bokeh.models import Button, CustomJS, FileInput, LayoutDOM, MultiSelect, Te
 
 from receptance import draft, report
 from receptance.app import look
-from receptance.app.start import CHANNELS, ChosenFile, Start
-from receptance.app.uploads import HOLDER_ENDINGS, LARGEST_UPLOAD, ExistingFilesError, store
 from receptance.app.view import PageOfView
-from receptance.campaign.figure import draw_campaign
 from receptance.errors import ReceptanceError
 from receptance.io.files import ENDINGS
-from receptance.model.figure import Drawing, draw_assemblies
 from receptance.report.html import table_html
+from receptance.session.start import CHANNELS, ChosenFile, Start
+from receptance.session.uploads import HOLDER_ENDINGS, LARGEST_UPLOAD, ExistingFilesError, store
 
 
 class _Field:
@@ -203,16 +201,9 @@ class StartView:
 
     def _draw(self, answers: draft.Answers, made: draft.Draft | None) -> None:
         try:
-            if made is not None:
-                figure, title = draw_campaign(made.campaign), "Assemblies of the campaign to scale"
-            else:
-                outlines = self.start.outlines(answers)
-                if not outlines:
-                    self.figure.text = ""
-                    return
-                drawings = [Drawing(assembly, name) for name, assembly in list(outlines.items())[:3]]
-                figure, title = draw_assemblies(drawings), "Tool and holder to scale, as far as they are stated"
-            self.figure.text = report.figure.as_svg(figure, title)
+            drawn = {"Assemblies of the campaign": made.campaign} if made else self.start.outlines(answers)
+            figures = [report.figure.as_svg(each.plot(), f"{name} to scale") for name, each in list(drawn.items())[:3]]
+            self.figure.text = "".join(figures)
         except (ValueError, OSError, ReceptanceError) as error:
             self.figure.text = escape(str(error))
 

@@ -9,8 +9,8 @@ from bokeh.layouts import column, row
 from bokeh.models import Div, LayoutDOM, TextInput
 
 from receptance.app import look
-from receptance.app.values import FileValue, values_of
 from receptance.app.view import PageOfView
+from receptance.session.values import FileValue, values_of
 
 _WIDTH = 240
 """Width of an input in pixels."""

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from bokeh.models import LayoutDOM
 
-from receptance.app.session import Session
+from receptance.session.state import Session
 
 
 class View(Protocol):

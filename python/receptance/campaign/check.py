@@ -12,6 +12,9 @@ from receptance.campaign.identification import fit_inputs, joints_to_invert, obs
 from receptance.campaign.problems import CampaignError
 from receptance.campaign.records import missing_records
 from receptance.campaign.schema import AutomaticModes
+from receptance.fit import Observation
+from receptance.model.coordinates import Coordinate
+from receptance.model.sketch import Mark
 from receptance.report import Column, Provenance, Result, Table
 
 _MOST_NAMED = 3
@@ -225,3 +228,18 @@ def listed(names: Sequence[str]) -> str:
 def _numbers(name: str, campaign: CampaignData) -> int:
     """Return the number of unknowns of the modes of a modal part."""
     return sum(unknown.address.startswith(f"{name}.mode[") for unknown in campaign.unknowns)
+
+
+def marks_of(measured: Observation) -> list[Mark]:
+    """Return the points of an FRF: where it responds and where it is hit."""
+    if not measured.is_receptance:
+        return []
+    response, excitation = measured.response, measured.excitation
+    return [
+        Mark(_mark("response", response), response, "response"),
+        Mark(_mark("hit", excitation), excitation, "excitation"),
+    ]
+
+
+def _mark(text: str, at: Coordinate) -> str:
+    return f"{text} (rotation)" if at.direction == "theta" else text

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
-from receptance.campaign.check import CampaignCheck, listed
+from receptance.campaign.check import CampaignCheck, listed, marks_of
 from receptance.campaign.comparison import Comparison
 from receptance.campaign.data import CampaignData
 from receptance.campaign.identification import LevelSeries
@@ -29,11 +29,10 @@ from receptance.fit.figure import (
     pair_of_panels,
     set_up_magnitude,
 )
-from receptance.fit.observation import Observation
 from receptance.fit.prediction import PredictedFRF
 from receptance.model.assembly import Assembly
-from receptance.model.coordinates import Coordinate
-from receptance.model.figure import Drawing, Mark, draw_assemblies
+from receptance.model.figure import draw_assemblies
+from receptance.model.sketch import Drawing
 from receptance.model.terminals import ModalPart, Mode
 from receptance.report.colours import BAND, INK, PALE
 from receptance.report.figure import finished, panels, surface, title_left
@@ -87,21 +86,6 @@ def _shape(item: tuple[str, Any]) -> Any:
     segments = getattr(element, "segments", ())
     sizes = tuple((s.length, s.ends, s.material.name) for s in segments)
     return name, sizes, getattr(element, "length", 0.0)
-
-
-def marks_of(measured: Observation) -> list[Mark]:
-    """Return the points of an FRF: where it responds and where it is hit."""
-    if not measured.is_receptance:
-        return []
-    response, excitation = measured.response, measured.excitation
-    return [
-        Mark(_mark("response", response), response, "response"),
-        Mark(_mark("hit", excitation), excitation, "excitation"),
-    ]
-
-
-def _mark(text: str, at: Coordinate) -> str:
-    return f"{text} (rotation)" if at.direction == "theta" else text
 
 
 def draw_prediction(prediction: Prediction, ax: Axes | None = None) -> Figure:

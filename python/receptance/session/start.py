@@ -9,12 +9,12 @@ from pathlib import Path
 
 from receptance import draft
 from receptance._files import write_whole
-from receptance.app.document import CAMPAIGN_FILE
 from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.io import FileFormatError
 from receptance.io.contents import FileContents
 from receptance.io.files import ENDINGS
 from receptance.model.assembly import Assembly
+from receptance.session.document import CAMPAIGN_FILE
 
 CHANNELS = {"force": "Force channel of time records", "motion": "Motion channel of time records"}
 """Questions about time records with several channels of a kind."""
@@ -40,7 +40,7 @@ class Start:
     >>> import tempfile
     >>> from pathlib import Path
     >>> from receptance import examples
-    >>> from receptance.app.start import Start
+    >>> from receptance.session.start import Start
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = examples.write("forgotten-sensor", folder)
     ...     start = Start(Path(folder))

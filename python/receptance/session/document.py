@@ -33,7 +33,7 @@ class Document:
     --------
     >>> import tempfile
     >>> from receptance import examples
-    >>> from receptance.app.document import Document
+    >>> from receptance.session.document import Document
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = examples.write("er32", folder)
     ...     document = Document.open(folder)

@@ -8,9 +8,6 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from receptance._files import new_path
-from receptance.app.document import Document
-from receptance.app.export import Kind, write_result
-from receptance.app.work import Work
 from receptance.campaign import Campaign, CampaignCheck, Prediction, Trial, extended_text
 from receptance.campaign.write import with_campaign_lines
 from receptance.catalogue import Catalogue, CatalogueSummary, predict_catalogue, summary_of
@@ -20,6 +17,9 @@ from receptance.diagnosis.verdict import CandidateCause
 from receptance.errors import ReceptanceError, ReceptanceWarning
 from receptance.fit import Identification
 from receptance.report import Result
+from receptance.session.document import Document
+from receptance.session.export import Kind, write_result
+from receptance.session.work import Work
 from receptance.stability import Stability
 
 Topic = Literal["document", "trial", "identified", "verdict", "prediction", "stability", "catalogue", "work"]

@@ -36,7 +36,7 @@ def safe_name(name: str) -> str:
 
     Examples
     --------
-    >>> from receptance.app.uploads import safe_name
+    >>> from receptance.session.uploads import safe_name
     >>> safe_name("../../tool:60mm.csv"), safe_name("C:\\data\\.hit.uff")
     ('tool_60mm.csv', 'hit.uff')
     """

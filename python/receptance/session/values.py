@@ -9,8 +9,8 @@ from typing import Any
 
 import tomlkit
 
-from receptance.app.document import Document
 from receptance.campaign.problems import Issue, KeyPath, path_text
+from receptance.session.document import Document
 
 _SECTIONS = ("parts", "joints", "modal_parts", "spindles", "attachments", "sensors")
 
@@ -59,8 +59,8 @@ def values_of(document: Document, assembly: str, element: str) -> list[FileValue
     --------
     >>> import tempfile
     >>> from receptance import examples
-    >>> from receptance.app.document import Document
-    >>> from receptance.app.values import values_of
+    >>> from receptance.session.document import Document
+    >>> from receptance.session.values import values_of
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = examples.write("forgotten-sensor", folder)
     ...     document = Document.open(folder)

@@ -1,0 +1,4 @@
+from .document import ConflictError as ConflictError
+from .document import Document as Document
+from .state import Session as Session
+from .work import Work as Work
