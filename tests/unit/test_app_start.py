@@ -98,7 +98,7 @@ def test_a_campaign_is_replaced_only_after_a_second_click(measured: dict[str, by
     view.write_campaign()
     assert (folder / "campaign.toml").read_text() == "mine"
     assert view.overwrite.visible
-    assert "exists already" in page.status.text
+    assert "exists already" in page.status.html
     view.replace_campaign()
     assert page.session.campaign is not None
     assert not view.overwrite.visible
@@ -170,7 +170,7 @@ def test_files_that_exist_need_a_choice(measured: dict[str, bytes], folder: Path
 def test_files_that_are_refused(name: str, content: bytes, words: str, folder: Path) -> None:
     page, view = start_view(folder)
     drop(view, {name: content})
-    assert words in page.status.text
+    assert words in page.status.html
     assert list(folder.iterdir()) == []
 
 

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from receptance import campaign, examples
-from receptance.session import ConflictError, Document, Session, Work
 from receptance.campaign import Prediction
 from receptance.diagnosis import Verdict
 from receptance.errors import ReceptanceError
 from receptance.fit import Identification
+from receptance.session import ConflictError, Document, Session, Work
 
 WAIT_S = 600.0
 """Longest wait for a calculation; only one that never ends takes as long."""

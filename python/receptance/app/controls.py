@@ -39,14 +39,14 @@ class _Control:
             start=low, end=high, value=low, step=(high - low) / _STEPS, show_value=False, title="", name=unknown.name,
             sizing_mode="stretch_width", tooltips=False, margin=(0, 12, 4, 8),
         )  # fmt: skip
-        self._label = look.text(classes=["label"])
-        self._label.margin = (4, 5, 0, 5)
+        self._label = look.LiveText(classes=["label"])
+        self._label.layout.margin = (4, 5, 0, 5)
         self._hold = Checkbox(label="hold", name=f"hold {unknown.name}", active=holds, width=56, margin=(4, 0, 0, 5))
         self._is_shown, self._value = False, math.nan
         self._slider.on_change("value", self._changed)
         self._hold.on_change("active", lambda attr, old, new: held(unknown.name, new))
         self.layout: LayoutDOM = column(
-            row(self._label, self._hold, sizing_mode="stretch_width"), self._slider, sizing_mode="stretch_width"
+            row(self._label.layout, self._hold, sizing_mode="stretch_width"), self._slider, sizing_mode="stretch_width"
         )
 
     def _scaled(self, value: float) -> float:
@@ -67,7 +67,7 @@ class _Control:
         if abs(scaled - self._slider.value) > 0.5 * self._slider.step:
             self._slider.value = scaled
         text = _value_text(trial, self.unknown)
-        self._label.text = f"{escape(self.unknown.name)} <b>{escape(text)}</b>"
+        self._label.show(f"{escape(self.unknown.name)} <b>{escape(text)}</b>")
         self._slider.tags = [text]  # what a screen reader says
         self._is_shown = False
 

@@ -7,7 +7,7 @@ from html import escape
 from importlib import resources
 from typing import Any
 
-from bokeh.models import Button, CustomJS, Div, InlineStyleSheet
+from bokeh.models import Button, ColumnDataSource, CustomJS, Div, InlineStyleSheet
 from bokeh.plotting import figure
 from bokeh.themes import Theme
 
@@ -138,10 +138,37 @@ def result() -> Div:
     return made
 
 
-def status() -> Div:
+class LiveText:
+    """HTML that changes often: the browser changes it in place.
+
+    For a changed `Div` Bokeh lays the whole page out anew, which takes it 100 ms with four records. Text that appears,
+    vanishes or has another number of rows needs that.
+    """
+
+    _IN_PLACE = "const view = Bokeh.index.find_one(place); if (view) view.markup_el.innerHTML = cb_obj.data.html[0];"
+
+    def __init__(self, *, role: str = "", classes: Sequence[str] = ()) -> None:
+        self.layout = text(role=role, classes=classes)
+        self.html = ""
+        """What is shown."""
+        self._changes = ColumnDataSource({"html": [""]})
+        self._changes.js_on_change("data", CustomJS(args={"place": self.layout}, code=self._IN_PLACE))
+        # What no model of the page refers to is not sent.
+        self.layout.js_on_change("visible", CustomJS(args={"changes": self._changes}, code=""))
+
+    def show(self, html: str) -> None:
+        """Show HTML; what is not ours has to be escaped before."""
+        laid_out, self.html = self.layout.text, html
+        if html and laid_out and html.count("<tr") == laid_out.count("<tr"):
+            self._changes.data = {"html": [html]}
+        else:
+            self.layout.text = html
+
+
+def status() -> LiveText:
     """Return a line that a screen reader reads when it changes; it takes no room while it is empty."""
-    made = text(role="status", classes=["status"])
-    made.margin = (0, 5, 0, 5)
+    made = LiveText(role="status", classes=["status"])
+    made.layout.margin = (0, 5, 0, 5)
     return made
 
 

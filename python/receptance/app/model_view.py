@@ -40,7 +40,7 @@ class ModelView:
         self._is_following = False
         self.layout = row(
             self._controls.layout,
-            column(self._misfit, self._tabs, sizing_mode="stretch_width"),
+            column(self._misfit.layout, self._tabs, sizing_mode="stretch_width"),
             sizing_mode="stretch_width",
         )
         self._session.on("document", "identified", call=self._reset)
@@ -73,6 +73,6 @@ class ModelView:
     def _show_misfit(self) -> None:
         trial = self._session.trial
         if trial is None or trial.misfit is None:
-            self._misfit.text = ""
+            self._misfit.show("")
             return
-        self._misfit.text = f"misfit {trial.misfit:.3g} (1 is the noise)"
+        self._misfit.show(f"misfit {trial.misfit:.3g} (1 is the noise)")

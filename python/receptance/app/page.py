@@ -11,7 +11,7 @@ from urllib.parse import urlencode
 from bokeh.document import Document as BokehDocument
 from bokeh.events import DocumentReady
 from bokeh.layouts import column, row
-from bokeh.models import Button, CustomJS, LayoutDOM, TabPanel, Tabs
+from bokeh.models import Button, ColumnDataSource, CustomJS, LayoutDOM, TabPanel, Tabs
 
 from receptance.app import look
 from receptance.app.ask_view import AskView
@@ -25,7 +25,7 @@ from receptance.session.state import Session
 
 _POLL_MS = 200
 """Time between two looks at a running calculation in ms."""
-_ADDRESS = "history.replaceState(null, '', '?' + cb_obj.tags[0])"
+_ADDRESS = "history.replaceState(null, '', '?' + cb_obj.data.query[0])"
 _TURN = """const query = new URLSearchParams(location.search);
 query.set('theme', query.get('theme') == 'dark' ? 'light' : 'dark'); location.search = query;"""
 
@@ -42,7 +42,8 @@ class CampaignPage:
         self.doc, self.query = doc, dict(query)
         self.session = Session(folder, threads=threads)
         self.status = look.status()
-        self.status.js_on_change("tags", CustomJS(code=_ADDRESS))
+        self._address = ColumnDataSource({"query": [""]})
+        self._address.js_on_change("data", CustomJS(code=_ADDRESS))
         dark = self.query.get("theme") == "dark"
         doc.theme, doc.title, doc.template = look.theme(dark), "receptance", look.template()
         doc.template_variables.update(dark=dark, c=look.palette(dark))
@@ -58,10 +59,10 @@ class CampaignPage:
         panels = [TabPanel(title=view.title, child=view.layout) for view in views]
         self.tabs = Tabs(tabs=panels, active=names.index(self.query["view"]), sizing_mode="stretch_width")
         self.tabs.on_change("active", lambda attr, old, new: self._turn_to(names[new]))
-        self.tabs.js_on_change("active", look.labels())
+        self.tabs.js_on_change("active", look.labels(), CustomJS(args={"address": self._address}, code=""))
         self.tabs.js_on_change("active", upload_limit())
         doc.js_on_event(DocumentReady, look.labels(), upload_limit())
-        doc.add_root(column(self._header(), self.status, self.tabs, sizing_mode="stretch_width"))
+        doc.add_root(column(self._header(), self.status.layout, self.tabs, sizing_mode="stretch_width"))
         doc.add_periodic_callback(self._poll, _POLL_MS)
 
     def _open(self, file: str) -> None:
@@ -98,12 +99,12 @@ class CampaignPage:
 
     def say(self, text: str) -> None:
         """Show a line of text below the header."""
-        self.status.text = escape(text)
+        self.status.show(escape(text))
 
     def remember(self, **state: str) -> None:
         """Keep state in the address; empty values are left out."""
         self.query = {name: value for name, value in {**self.query, **state}.items() if value}
-        self.status.tags = [urlencode(self.query)]
+        self._address.data = {"query": [urlencode(self.query)]}
 
     def turn_to(self, view: str) -> None:
         """Show another view by its name."""

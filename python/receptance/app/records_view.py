@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from bokeh.layouts import column, row
-from bokeh.models import CheckboxGroup, ColumnDataSource, Div, LayoutDOM, Range1d, Select, Spacer
+from bokeh.models import CheckboxGroup, ColumnDataSource, LayoutDOM, Range1d, Select, Spacer
 from numpy.typing import NDArray
 
 from receptance import units
@@ -70,10 +70,10 @@ class RecordsView:
         self._quantity.on_change("value", self._rebuild)
         self._chosen.on_change("active", self._rebuild)
         self._moving = ColumnDataSource()
-        self._frequencies = look.text()
-        self._figures = column(self._frequencies, sizing_mode="stretch_width")
+        self._frequencies = look.LiveText()
+        self._figures = column(self._frequencies.layout, sizing_mode="stretch_width")
         self._figures.js_on_change("children", look.labels())
-        self._tables: dict[str, Div] = {}
+        self._tables: dict[str, look.LiveText] = {}
         self.layout = column(row(self._quantity, self._chosen, sizing_mode="stretch_width"), self._figures,
                              sizing_mode="stretch_width")  # fmt: skip
 
@@ -128,14 +128,17 @@ class RecordsView:
         self._moving = ColumnDataSource(self._columns(records), name="moving")
         lines = {} if campaign is None else {name: campaign.measured_lines(name) for name in records}
         self._axis = _frequency_axis(records, lines)
-        self._tables = {name: look.text() for name in records}
+        self._tables = {name: look.LiveText() for name in records}
         blocks: list[LayoutDOM] = [
             self._block(name, record, lines[name], number) for number, (name, record) in enumerate(records.items())
         ]
         if len(blocks) % 2 and len(blocks) > 1:
             blocks.append(Spacer(sizing_mode="stretch_width"))
         pairs = [blocks[i : i + 2] for i in range(0, len(blocks), 2)]
-        self._figures.children = [*(row(*pair, sizing_mode="stretch_width") for pair in pairs), self._frequencies]
+        self._figures.children = [
+            *(row(*pair, sizing_mode="stretch_width") for pair in pairs),
+            self._frequencies.layout,
+        ]
         self._page.later(self.show_modes)  # the fits of measured modes take longer than the figures
 
     def _block(self, name: str, record: TrialRecord, lines: MeasuredLines, number: int) -> LayoutDOM:
@@ -177,7 +180,9 @@ class RecordsView:
         for each in (*figures, below):
             each.min_border_left = _LEFT
         unused = (f"{np.count_nonzero(which)} lines are not used: {reason}" for reason, which in lines.unused.items())
-        return column(*figures, below, look.text(look.items(unused)), self._tables[name], sizing_mode="stretch_width")
+        return column(
+            *figures, below, look.text(look.items(unused)), self._tables[name].layout, sizing_mode="stretch_width"
+        )
 
     def show(self) -> None:
         """Move the curves to the values of the trial, all in one message."""
@@ -191,10 +196,10 @@ class RecordsView:
         """Show the modes of the records at the values of the trial, and measured natural frequencies."""
         trial = self._session.trial
         for name, table in self._tables.items():
-            table.text = "" if trial is None else look.rows(("mode", *_MODES), _mode_rows(trial, name))
+            table.show("" if trial is None else look.rows(("mode", *_MODES), _mode_rows(trial, name)))
         without = [] if trial is None else [n for n, o in trial.campaign.measurements.items() if not o.is_receptance]
         body = [[name, *cells] for name in without if trial is not None for cells in _mode_rows(trial, name)]
-        self._frequencies.text = look.rows(("measurement", "mode", *_MODES), body) if body else ""
+        self._frequencies.show(look.rows(("measurement", "mode", *_MODES), body) if body else "")
 
 
 def _frequency_axis(records: dict[str, TrialRecord], lines: dict[str, MeasuredLines]) -> Range1d:

@@ -140,7 +140,9 @@ class _Diagram:
             *list_html("Notes", lobes.grouped_notes()),
         ])  # fmt: skip
         self.layout = column(
-            self._drawn(speed, ends), row(self._speed, self._depth, self._text, sizing_mode="stretch_width"), table,
+            self._drawn(speed, ends),
+            row(self._speed, self._depth, self._text.layout, sizing_mode="stretch_width"),
+            table,
             sizing_mode="stretch_width",
         )  # fmt: skip
 
@@ -194,7 +196,7 @@ class _Diagram:
             self._say(speed, depth)
 
     def _say(self, speed: float, depth_mm: float) -> None:
-        self._text.text = escape(str(operating_point(self.lobes, speed, 1e-3 * depth_mm)))
+        self._text.show(escape(str(operating_point(self.lobes, speed, 1e-3 * depth_mm))))
 
     def show_nominal(self, lobes: Lobes) -> None:
         """Show the limit at the values of the sliders."""
