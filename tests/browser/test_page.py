@@ -18,6 +18,17 @@ playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright
 
 _MODEL = """() => Bokeh.documents[0].get_model_by_name('moving').data.model0.slice(0, 20)"""
 
+_ANSWERS = {
+    "Diameter of the tool": "12 mm",
+    "Material of the tool": "carbide",
+    "Pieces of the holder": "40 mm x 40/12 mm, 80 mm x 34/10 mm",
+    "Material of the holder": "steel",
+    "Length of the shank": "40 mm",
+    "Mass of the accelerometer": "none",
+    "free for a holder": "free",
+}
+"""Answers by the beginnings of their questions: the parts of the example `forgotten-sensor`, and no sensor."""
+
 
 @pytest.fixture(scope="module")
 def program() -> Iterator[Any]:
@@ -257,4 +268,25 @@ def test_the_forgotten_sensor_is_named_accepted_and_saved(server: Served, tabs: 
     extended = campaign.load(server.folder / "extended.toml")
     before = campaign.load(server.folder)
     assert extended.predict().to_dict() != before.predict().to_dict()
+    assert not tabs.console
+
+
+def test_from_files_to_a_cause(program: Any, tabs: Tabs, tmp_path: Path) -> None:
+    """Three files, seven answers, and three clicks; the overhangs are in the names of the files."""
+    folder, source = tmp_path / "mine", tmp_path / "source"
+    folder.mkdir()
+    examples.write("forgotten-sensor", source)
+    with served(folder) as running:
+        page = tabs.open(running.address)
+        _choose_files(page, *sorted(source.glob("*.csv")))
+        for label, text in _ANSWERS.items():
+            answer = page.get_by_label(re.compile(f"^{label}")).filter(visible=True).first
+            answer.fill(text)
+            answer.press("Enter")
+        page.get_by_role("button", name="Write campaign").click()
+        _slider(page, "joint.k_theta").wait_for()
+        page.get_by_role("tab", name="Ask").click()
+        page.get_by_role("button", name="Diagnose").click()
+        page.get_by_text(re.compile("diagnose: done")).wait_for(timeout=1e3 * LIMIT_S)
+        page.get_by_text(re.compile("Mass of the sensor: the sensor")).filter(visible=True).first.wait_for()
     assert not tabs.console
