@@ -25,7 +25,7 @@ TARGET = Path(__file__).resolve().parents[1] / "images" / "page"
 WIDTHS, THEMES = (1280, 1920), ("light", "dark")
 VIEWS = {"start": "forgotten-sensor", "model": "forgotten-sensor", "ask": "forgotten-sensor", "use": "machine",
          "file": "forgotten-sensor"}  # fmt: skip
-BUTTONS = {"ask": "Diagnose"}
+BUTTONS = {"ask": "Diagnose", "use": "Lobes"}
 """What is pressed before a picture is taken."""
 _QUALITY = 60
 _SETTLE_MS = 3000
