@@ -38,9 +38,10 @@ class NotebookPage:
         """End the server; the page stays as it is and answers no more."""
         self._server.stop()
 
-    def _repr_html_(self) -> str:
+    def _repr_mimebundle_(self, **options: object) -> dict[str, str]:
         # What IPython.display.IFrame shows, without the need of IPython.
-        return f'<iframe src="{escape(self.address)}" title="receptance" width="100%" height="{HEIGHT}"></iframe>'
+        frame = f'<iframe src="{escape(self.address)}" title="receptance" width="100%" height="{HEIGHT}"></iframe>'
+        return {"text/html": frame, "text/plain": repr(self)}
 
     def __repr__(self) -> str:
         return f"NotebookPage({self.address!r})"
