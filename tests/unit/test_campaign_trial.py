@@ -46,6 +46,15 @@ def test_a_move_changes_curves_and_the_fit_goes_back(sensor, identified):
     assert moved.fit().misfit == pytest.approx(trial.fit().misfit, rel=1e-3)
 
 
+def test_a_fit_weighs_by_the_noise_and_stays_at_its_optimum(sensor, identified):
+    trial = sensor.trial(identified)
+    fitted = trial.fit()
+    assert fitted.misfit <= trial.misfit * (1.0 + 1e-6)
+    again = fitted.fit()
+    for name in ("joint.k_y", "joint.k_theta"):
+        assert again.values[name] == pytest.approx(fitted.values[name], rel=1e-3)
+
+
 def test_held_values_stay_in_the_fit(sensor, identified):
     trial = sensor.trial(identified)
     held = 1.3 * trial.values["joint.k_theta"]

@@ -316,3 +316,15 @@ def test_an_accepted_cause_is_a_new_file_that_is_not_saved(session: Session, fol
     assert _results(accepted.campaign.predict()) != _results(campaign.load(folder).predict())
     accepted.save()
     assert campaign.load(accepted.file).title == accepted.campaign.title
+
+
+def test_results_of_another_text_are_not_shown(session: Session) -> None:
+    session.diagnose()
+    work = session.work
+    assert work is not None
+    assert session.document is not None
+    session.edit(session.document.with_value(("title",), "Another"))
+    assert session.work is None
+    work.wait(WAIT_S)
+    assert session.finish() is None
+    assert session.verdict is None

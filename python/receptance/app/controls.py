@@ -137,6 +137,8 @@ class Controls:
         """Show the values of the trial; after other unknowns, make the sliders anew."""
         trial = self._session.trial
         names = set() if trial is None else {unknown.name for unknown in trial.unknowns}
+        acting = () if trial is None else trial.variants
+        self._cause.value = acting[0].cause.id if len(acting) == 1 else _NO_CAUSE
         if names != self._controls.keys():
             self.reset()
         elif trial is not None:
@@ -171,7 +173,7 @@ class Controls:
 
     def _choose_cause(self, attr: str, old: str, new: str) -> None:
         trial = self._session.trial
-        if trial is None:
+        if trial is None or new == (trial.variants[0].cause.id if trial.variants else _NO_CAUSE):
             return
         try:
             variants = [] if new == _NO_CAUSE else trial.variants_of(CATALOGUE[new])

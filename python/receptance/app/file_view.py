@@ -29,6 +29,8 @@ class FileView:
             self._text,
             sizing_mode="stretch_width",
         )
+        # The browser sends the text when the input is left, also by a click on "Save".
+        self._text.on_change("value", lambda attr, old, new: self._check())
         self._session.on("document", call=self.show)
         self.show()
 
@@ -45,7 +47,7 @@ class FileView:
 
     def _check(self) -> None:
         document = self._session.document
-        if document is not None:
+        if document is not None and self._text.value != document.text:
             self._session.edit(document.with_text(self._text.value))
             if self._session.campaign is not None:
                 self._page.say("the file has no mistakes")

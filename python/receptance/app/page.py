@@ -26,6 +26,7 @@ from receptance.session.state import Session
 _POLL_MS = 200
 """Time between two looks at a running calculation in ms."""
 _ADDRESS = "history.replaceState(null, '', '?' + cb_obj.data.query[0])"
+_ASK_BEFORE_LEAVING = "window.onbeforeunload = cb_obj.disabled ? null : event => event.preventDefault();"
 _TURN = """const query = new URLSearchParams(location.search);
 query.set('theme', query.get('theme') == 'dark' ? 'light' : 'dark'); location.search = query;"""
 
@@ -76,6 +77,8 @@ class CampaignPage:
     def _header(self) -> LayoutDOM:
         self._name = look.text()
         self._save: Button = look.button("Save", self._saved, primary=True)
+        # A reload or a closed tab would lose what is not saved: the browser asks.
+        self._save.js_on_change("disabled", CustomJS(code=_ASK_BEFORE_LEAVING))
         turn = Button(label="Light / dark", width=110)
         turn.js_on_click(CustomJS(code=_TURN))
         self.session.on("document", call=self._show_name)
@@ -89,6 +92,9 @@ class CampaignPage:
         name = "" if document is None else f"{escape(document.file.name)}{', not saved' if document.is_changed else ''}"
         self._name.text = f"<h1>{title} <small>{name}</small></h1>"
         self._save.disabled = document is None or not document.is_changed
+        if document is not None and document.file.is_relative_to(self.session.folder):
+            file = document.file.relative_to(self.session.folder).as_posix()
+            self.remember(file="" if file == CAMPAIGN_FILE else file)
 
     def _saved(self) -> None:
         try:

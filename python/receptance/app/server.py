@@ -7,6 +7,7 @@ are refused. Scripts come from the installed Bokeh, so that nothing is loaded fr
 from __future__ import annotations
 
 import asyncio
+import logging
 import secrets
 from collections.abc import Callable
 from contextlib import suppress
@@ -96,7 +97,9 @@ def page_server(
     threads : int, optional
         As in `Campaign.load`.
     """
-    silence(EMPTY_LAYOUT, True)  # parts of a view that have nothing to show yet
+    # Parts of a view that have nothing to show yet, and sources of figures that have no columns yet.
+    silence(EMPTY_LAYOUT, True)
+    logging.getLogger("bokeh.core.validation.check").setLevel(logging.CRITICAL)
     token = secrets.token_urlsafe(24)
     per_app_patterns[:] = [(path, _AtOnce if view is WSHandler else view) for path, view in per_app_patterns]
     tabs = _Tabs(folder, ended, threads)

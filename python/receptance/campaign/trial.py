@@ -250,7 +250,7 @@ class Trial:
     def fit(self, held: Collection[str] = ()) -> Trial:
         """Return the trial at the optimum of the measurements that are not held out, with some unknowns held.
 
-        The fit begins at the values of the trial.
+        It begins at the values of the trial, and at the start values, and ends at the better of both optima.
 
         Raises
         ------
@@ -258,11 +258,13 @@ class Trial:
             The model has no value at the values of the trial.
         """
         model = self.model.select(self._fitted)
-        variables, problem = model.task.variables, self._problem_of(model)
+        variables, problem = model.task.variables, self._residuals(model)
         free = np.array([name not in held for name in variables.names])
         if not free.any():
             return self
-        end = problem.fit_one(variables.vector_of(self.values), _EVALUATIONS, free=free)
+        here = np.clip(variables.vector_of(self.values), *variables.limits)
+        ends = problem.fit(np.array([here, np.where(free, variables.start, here)]), _EVALUATIONS, free=free)
+        end = min(ends, key=lambda end: end.cost)
         if not np.isfinite(end.cost):
             raise ReceptanceError(f"the model has no value here: {problem.reason(end.x)}")
         fitted = {name: value for name, value in problem.named(end.x).items() if name not in held}
@@ -274,16 +276,22 @@ class Trial:
     def _problem(self) -> Problem:
         # Trials of one model share its problem.
         if "_trial_problem" not in self.model.__dict__:
-            self.model.__dict__["_trial_problem"] = self._problem_of(self.model, chain=True)
+            self.model.__dict__["_trial_problem"] = self._ratios(self.model)
         problem: Problem = self.model.__dict__["_trial_problem"]
         return problem
 
     @staticmethod
-    def _problem_of(model: Model, *, chain: bool = False) -> Problem:
-        """Return the residuals of a model; with `chain` those of receptances are logarithms of their ratios."""
-        task = model.task
-        units = tuple("logarithm" if chain and o.is_receptance else o.unit for o in model.observations)
-        return replace(task, units=units).problem()
+    def _ratios(model: Model) -> Problem:
+        """Return the logarithms of measured over calculated receptances, and the residuals of frequencies."""
+        units = tuple("logarithm" if o.is_receptance else o.unit for o in model.observations)
+        return replace(model.task, units=units).problem()
+
+    @staticmethod
+    def _residuals(model: Model) -> Problem:
+        """Return the residuals of a fit: in standard deviations where all measurements have them."""
+        if all(observation.weighted for observation in model.observations):
+            return model.problem
+        return replace(model.task, units=tuple(o.unit for o in model.observations)).problem()
 
     @property
     def _fitted(self) -> list[Observation]:

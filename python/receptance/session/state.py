@@ -106,6 +106,9 @@ class Session:
     def edit(self, document: Document) -> None:
         """Show another document, or another text; values that were moved are taken over where they fit."""
         moved = {} if self.trial is None else dict(self.trial.values)
+        # Of a calculation with another text nothing is shown.
+        self.stop()
+        self.work = None
         self.document = document
         self.identified = self.verdict = self.prediction = self.stability = self.catalogue = self.trial = None
         self._missing = None
