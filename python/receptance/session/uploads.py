@@ -43,8 +43,8 @@ def safe_name(name: str) -> str:
     last = _OTHER.sub("_", re.split(r"[/\\]", name)[-1]).strip(" .")
     stem, dot, ending = last.rpartition(".")
     if f"{dot}{ending}".lower() not in (*ENDINGS, *HOLDER_ENDINGS) or not stem:
-        known = " ".join((*ENDINGS, *HOLDER_ENDINGS))
-        raise ValueError(f"{shown(name)} is no measurement file and no drawing, expected an ending of: {known}")
+        endings = " ".join((*ENDINGS, *HOLDER_ENDINGS))
+        raise ValueError(f"{shown(name)} is no measurement file and no drawing, expected an ending of: {endings}")
     return f"{stem[: _LONGEST_NAME - len(ending)]}{dot}{ending}"
 
 
